@@ -1,0 +1,1 @@
+"""The latent processes, one a file, and their sums."""

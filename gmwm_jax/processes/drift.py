@@ -1,0 +1,65 @@
+"""Drift (rate ramp)."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._typing import PRNGKey, Scalar
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._parameter import Parameter
+
+
+class DR(AbstractProcess):
+    """Drift, x_t = omega t: deterministic.
+
+    Parameters
+    ----------
+    omega
+        Slope per sample, u. Its sign cannot be seen in a variance and is taken as positive.
+
+    Notes
+    -----
+    Wavelet variance omega^2 tau^2/16. In continuous time the slope is omega f.
+    """
+
+    omega: Scalar | None
+    fixed: tuple[str, ...] = eqx.field(static=True)
+
+    kind: ClassVar[str] = "DR"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("omega", "{u}", "slope"),)
+
+    def __init__(self, omega: Any = None):
+        self._set(omega=omega)
+
+    @staticmethod
+    def amplitude_of(value: Any) -> Any:  # noqa: D102
+        return value * value
+
+    @staticmethod
+    def value_of(amplitude: Any) -> Any:  # noqa: D102
+        positive = amplitude > 0
+        return jnp.where(positive, jnp.sqrt(jnp.where(positive, amplitude, 1.0)), 0.0)
+
+    @classmethod
+    def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
+        return tau * tau / 16
+
+    @classmethod
+    def unit_psd(cls, shape, frequency):  # noqa: D102
+        raise ValueError("DR is deterministic: it has no power spectral density. Use wavelet_variance().")
+
+    @classmethod
+    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
+        return jnp.zeros_like(lag)
+
+    @classmethod
+    def unit_haar_mean(cls, n_j):  # noqa: D102
+        # half the difference of two means that lie n samples apart
+        return n_j / 2
+
+    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
+        self.require_complete()
+        return self.values[0] * jnp.arange(1, num_samples + 1, dtype=jnp.float64)

@@ -1,0 +1,65 @@
+"""Quantisation noise."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._typing import PRNGKey, Scalar
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._haar import second_differences, where_filters_overlap
+from gmwm_jax.processes._parameter import Parameter
+
+
+class QN(AbstractProcess):
+    """Quantisation noise, x_t = sqrt(12 q2) (Y_t - Y_{t-1}) with Y uniform on (0, 1).
+
+    What is left in a rate when the integrated signal (angle, velocity) is read in steps.
+
+    Parameters
+    ----------
+    q2
+        Variance of the rounding error of the integrated signal, in (u samples)^2.
+
+    Notes
+    -----
+    Wavelet variance 6 q2/tau^2. In continuous time the IEEE 952 coefficient is Q = sqrt(q2)/f, and one step of
+    the output (LSB) is sqrt(12) Q.
+    """
+
+    q2: Scalar | None
+    fixed: tuple[str, ...] = eqx.field(static=True)
+
+    kind: ClassVar[str] = "QN"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("q2", "({u})^2", "variance of the rounding error"),
+    )
+
+    def __init__(self, q2: Any = None):
+        self._set(q2=q2)
+
+    @classmethod
+    def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
+        return 6 / (tau * tau)
+
+    @classmethod
+    def unit_psd(cls, shape, frequency):  # noqa: D102
+        return 4 * jnp.sin(jnp.pi * frequency) ** 2
+
+    @classmethod
+    def unit_autocovariance(cls, shape, lag):  # noqa: D102
+        return jnp.where(lag == 0, 2.0, jnp.where(lag == 1, -1.0, 0.0))
+
+    @classmethod
+    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
+        # the running sum is white: K is 1 at 0 and 0 elsewhere
+        inside = second_differences(lambda m, _: jnp.where(m < 0.25, 1.0, 0.0), lag, parity, n_j, n_k)
+        return where_filters_overlap(inside, lag, n_j, n_k)
+
+    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
+        self.require_complete()
+        rounding = jax.random.uniform(key, (num_samples + 1,), dtype=jnp.float64)
+        return jnp.sqrt(12 * self.amplitude) * (rounding[1:] - rounding[:-1])

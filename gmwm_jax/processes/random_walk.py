@@ -1,0 +1,56 @@
+"""Random walk."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._typing import PRNGKey, Scalar
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._haar import second_differences, where_filters_overlap
+from gmwm_jax.processes._parameter import Parameter
+from gmwm_jax.processes._recursion import first_order_recursion
+
+
+class RW(AbstractProcess):
+    """Random walk, x_t = x_{t-1} + gamma e_t from x_0 = 0: rate random walk of a gyro.
+
+    Parameters
+    ----------
+    gamma2
+        Variance of one step, u^2.
+
+    Notes
+    -----
+    Wavelet variance gamma2 (tau^2 + 2)/(12 tau) (Guerrier et al. 2013). In continuous time q = gamma2 f, K = sqrt(q).
+    """
+
+    gamma2: Scalar | None
+    fixed: tuple[str, ...] = eqx.field(static=True)
+
+    kind: ClassVar[str] = "RW"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gamma2", "({u})^2", "variance of a step"),)
+
+    def __init__(self, gamma2: Any = None):
+        self._set(gamma2=gamma2)
+
+    @classmethod
+    def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
+        return (tau * tau + 2) / (12 * tau)
+
+    @classmethod
+    def unit_psd(cls, shape, frequency):  # noqa: D102
+        return 1 / (4 * jnp.sin(jnp.pi * frequency) ** 2)
+
+    @classmethod
+    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
+        inside = second_differences(lambda m, _: (m * m * m - m) / 12, lag, parity, n_j, n_k)
+        return where_filters_overlap(inside, lag, n_j, n_k)
+
+    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
+        self.require_complete()
+        steps = jnp.sqrt(self.amplitude) * jax.random.normal(key, (num_samples,), dtype=jnp.float64)
+        return first_order_recursion(jnp.ones(()), steps)

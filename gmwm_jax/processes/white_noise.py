@@ -1,0 +1,58 @@
+"""White noise."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._typing import PRNGKey, Scalar
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._haar import second_differences, where_filters_overlap
+from gmwm_jax.processes._parameter import Parameter
+
+
+class WN(AbstractProcess):
+    """White noise, x_t = sigma e_t with e standard normal: angle or velocity random walk of a sensor.
+
+    Parameters
+    ----------
+    sigma2
+        Variance of a sample, u^2.
+
+    Notes
+    -----
+    Wavelet variance sigma2/tau (Percival 1995). In continuous time q = sigma2/f, N = sqrt(q) in u/sqrt(Hz).
+    """
+
+    sigma2: Scalar | None
+    fixed: tuple[str, ...] = eqx.field(static=True)
+
+    kind: ClassVar[str] = "WN"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("sigma2", "({u})^2", "variance"),)
+
+    def __init__(self, sigma2: Any = None):
+        self._set(sigma2=sigma2)
+
+    @classmethod
+    def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
+        return 1 / tau
+
+    @classmethod
+    def unit_psd(cls, shape, frequency):  # noqa: D102
+        return jnp.ones_like(frequency)
+
+    @classmethod
+    def unit_autocovariance(cls, shape, lag):  # noqa: D102
+        return jnp.where(lag == 0, 1.0, 0.0)
+
+    @classmethod
+    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
+        inside = second_differences(lambda m, _: -m / 2, lag, parity, n_j, n_k)
+        return where_filters_overlap(inside, lag, n_j, n_k)
+
+    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
+        self.require_complete()
+        return jnp.sqrt(self.amplitude) * jax.random.normal(key, (num_samples,), dtype=jnp.float64)

@@ -1,0 +1,322 @@
+"""Units: signals, noise densities, datasheet entries, and the way between per-sample and continuous time.
+
+Everything inside the package is SI (rad/s for gyros, m/s^2 for accelerometers). This file is the edge.
+
+A *signal unit* u is ``rad/s``, ``m/s^2`` or any other string for sensors of another kind. A noise quantity has a
+unit derived from u: a white-noise density is u/sqrt(Hz), a random-walk density u/sqrt(s), quantisation u*s, a drift
+u/s. ``deg/sqrt(h)`` and ``rad/s/sqrt(Hz)`` are the same dimension (1/sqrt(Hz) = sqrt(s)).
+
+Densities are two-sided: white noise of variance sigma2 per sample at rate f has q = sigma2/f over (-f/2, f/2), as IEEE
+Std 952 and Kalman filters have it. A one-sided amplitude density sqrt(2 q) is larger by sqrt(2).
+
+Sources: IEEE Std 952-1997, annex C; Farrell et al. (2022), "IMU error state modeling for state estimation and sensor
+calibration"; Guerrier et al. (2013).
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from gmwm_jax._check import sampling_rate
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, exact by definition (CGPM 1901)."""
+
+_DEG = math.pi / 180.0
+_HOUR = 3600.0
+_G = STANDARD_GRAVITY
+
+
+class Unit(NamedTuple):
+    """What a unit measures: the SI unit of its quantity, and its size in it."""
+
+    si: str
+    factor: float
+
+
+_ANGLES = {
+    "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "arcmin": _DEG / 60, "arcsec": _DEG / 3600,
+}  # fmt: skip
+_SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1 / 3.6}
+_ACCELERATIONS = {
+    "m/s^2": 1.0, "mm/s^2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G, "mGal": 1e-5,
+}  # fmt: skip
+_TIMES = {"s": 1.0, "h": _HOUR}
+
+
+def _table() -> dict[str, Unit]:
+    units: dict[str, Unit] = {}
+    for name, size in _ANGLES.items():
+        units[name] = Unit("rad", size)
+        for t, seconds in _TIMES.items():
+            units[f"{name}/{t}"] = Unit("rad/s", size / seconds)
+            # angle random walk: an angle that grows with the root of time
+            units[f"{name}/sqrt({t})"] = Unit("rad/s/sqrt(Hz)", size / math.sqrt(seconds))
+            units[f"{name}/{t}/sqrt(Hz)"] = Unit("rad/s/sqrt(Hz)", size / seconds)
+            for t2, seconds2 in _TIMES.items():
+                units[f"{name}/{t}/sqrt({t2})"] = Unit("rad/s/sqrt(s)", size / seconds / math.sqrt(seconds2))
+                units[f"{name}/{t}/{t2}"] = Unit("rad/s^2", size / seconds / seconds2)
+        units[f"{name}/s^2"] = Unit("rad/s^2", size)
+        units[f"{name}/h^2"] = Unit("rad/s^2", size / _HOUR**2)
+        units[f"{name}/s^2/sqrt(Hz)"] = Unit("rad/s/sqrt(s)", size)
+    for name, size in _SPEEDS.items():
+        units[name] = Unit("m/s", size)
+        for t, seconds in _TIMES.items():
+            units[f"{name}/sqrt({t})"] = Unit("m/s^2/sqrt(Hz)", size / math.sqrt(seconds))
+            units[f"{name}/{t}/sqrt({t})"] = Unit("m/s^2/sqrt(s)", size / seconds / math.sqrt(seconds))
+    units["m/s/h"] = Unit("m/s^2", 1 / _HOUR)
+    for name, size in _ACCELERATIONS.items():
+        units[name] = Unit("m/s^2", size)
+        units[f"{name}/sqrt(Hz)"] = Unit("m/s^2/sqrt(Hz)", size)
+        for t, seconds in _TIMES.items():
+            units[f"{name}/sqrt({t})"] = Unit("m/s^2/sqrt(s)", size / math.sqrt(seconds))
+            units[f"{name}/{t}"] = Unit("m/s^3", size / seconds)
+    units["m/s^3"] = Unit("m/s^3", 1.0)
+    units["m/s^3/sqrt(Hz)"] = Unit("m/s^2/sqrt(s)", 1.0)
+    for name, size in {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": _HOUR, "day": 86400.0}.items():
+        units[name] = Unit("s", size)
+    for name, size in {"Hz": 1.0, "1/s": 1.0, "kHz": 1e3, "1/h": 1 / _HOUR}.items():
+        units[name] = Unit("1/s", size)
+    units["1"] = Unit("1", 1.0)
+    return units
+
+
+UNITS: dict[str, Unit] = _table()
+"""Every unit name that is understood, with the SI unit of its quantity and the factor to it."""
+
+# How people write the same: lower case is not folded, since "mg" and "Mg" or "s" and "S" differ.
+_SPELLINGS = (
+    ("µ", "u"), ("μ", "u"), ("°", "deg"), ("√", "sqrt"), ("²", "^2"), ("³", "^3"), ("**", "^"), ("·", "*"),
+    ("sqrthr", "sqrt(h)"), ("hr", "h"), ("sqrtHz", "sqrt(Hz)"), ("sqrth", "sqrt(h)"), ("sqrts", "sqrt(s)"),
+    ("rt(Hz)", "sqrt(Hz)"), ("sqsqrt", "sqrt"), ("dps", "deg/s"), ("s/s", "s^2"),
+)  # fmt: skip
+
+
+def unit(name: str) -> Unit:
+    """Look up a unit by name.
+
+    Parameters
+    ----------
+    name
+        For example ``deg/h``, ``deg/sqrt(h)``, ``ug/sqrt(Hz)``, ``m/s^2``; ``µ``, ``°``, ``√`` and ``hr`` are read too.
+
+    Raises
+    ------
+    ValueError
+        Unknown unit; the message lists those that look like it.
+    """
+    plain = name.replace(" ", "")
+    if plain in UNITS:
+        return UNITS[plain]
+    for written, meant in _SPELLINGS:
+        plain = plain.replace(written, meant)
+    if plain in UNITS:
+        return UNITS[plain]
+    head = plain.split("/")[0]
+    near = [u for u in UNITS if u.split("/")[0] == head] or [
+        "rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "ug", "deg/sqrt(h)", "ug/sqrt(Hz)", "m/s/sqrt(h)",
+    ]  # fmt: skip
+    raise ValueError(f"Unknown unit {name!r}. Known ones near it: {', '.join(near)}.")
+
+
+def convert(value: Any, source: str, target: str) -> Any:
+    """Convert a number or array between two units of the same quantity.
+
+    Parameters
+    ----------
+    value
+        Number or array in `source` units.
+    source, target
+        Unit names, see `unit`.
+
+    Returns
+    -------
+    The value in `target` units.
+
+    Raises
+    ------
+    ValueError
+        Unknown unit, or two units that measure different things.
+    """
+    a, b = unit(source), unit(target)
+    if a.si != b.si:
+        raise ValueError(f"{source} measures {a.si} and {target} measures {b.si}: they cannot be converted.")
+    return value * (a.factor / b.factor)
+
+
+class SignalUnit(NamedTuple):
+    """How samples in a unit become the SI signal: multiply by `factor`, and by the rate if they are increments."""
+
+    si: str
+    factor: float
+    increments: bool
+
+
+def signal_unit(name: str) -> SignalUnit:
+    """Read the unit of a record's samples; the unit itself tells rates from increments.
+
+    ``rad/s``, ``deg/s``, ``deg/h``, ``m/s^2``, ``g``, ``mg``, ``ug`` are rates; ``rad``, ``deg``, ``arcsec``, ``m/s``
+    are increments per sample (delta angle, delta velocity) and are multiplied by the sampling rate; ``1`` is a
+    dimensionless signal, left as it is.
+
+    Raises
+    ------
+    ValueError
+        Unknown unit, or one that no sensor signal has.
+    """
+    u = unit(name)
+    match u.si:
+        case "rad/s" | "m/s^2" | "1":
+            return SignalUnit(u.si, u.factor, increments=False)
+        case "rad" | "m/s":
+            return SignalUnit(u.si + "/s" if u.si == "rad" else "m/s^2", u.factor, increments=True)
+    raise ValueError(
+        f"{name!r} measures {u.si}, which is no sensor signal. Rates: rad/s, deg/s, deg/h, m/s^2, g, mg, ug. "
+        "Increments per sample: rad, deg, arcsec, m/s."
+    )
+
+
+def derived_unit(signal: str, suffix: str) -> str:
+    """The unit of a noise quantity: the signal's unit times ``suffix`` (for example ``/sqrt(Hz)`` or ``*s``)."""
+    known = {
+        ("rad/s", "*s"): "rad", ("rad/s", "/s"): "rad/s^2", ("m/s^2", "*s"): "m/s", ("m/s^2", "/s"): "m/s^3",
+    }  # fmt: skip
+    if suffix.startswith("^2"):
+        return f"({signal}){suffix}"
+    return known.get((signal, suffix), f"{signal}{suffix}")
+
+
+class Quantity(NamedTuple):
+    """A quantity of a process in continuous time, computed from its per-sample parameters."""
+
+    symbol: str
+    meaning: str
+    suffix: str | None
+    """What follows the signal's unit; None: the unit stands in `unit`."""
+    value: Callable[..., Any]
+    """(per-sample parameters..., rate) -> value in SI."""
+    unit: str = ""
+    gyro: tuple[str, ...] = ()
+    """Units a gyro datasheet gives it in."""
+    accel: tuple[str, ...] = ()
+
+    def si_unit(self, signal: str) -> str:
+        """Its SI unit for a signal unit."""
+        return self.unit if self.suffix is None else derived_unit(signal, self.suffix)
+
+    def datasheet_units(self, signal: str) -> tuple[str, ...]:
+        """The units a datasheet gives it in; the SI unit for sensors that are neither gyro nor accelerometer."""
+        shown = {"rad/s": self.gyro, "m/s^2": self.accel}.get(signal, ())
+        return shown or (self.si_unit(signal),)
+
+
+class ContinuousForm(NamedTuple):
+    """The continuous-time form of a process: what a Kalman filter wants, what a datasheet says, and the way back."""
+
+    filter: tuple[Quantity, ...]
+    """As many as the process has parameters: with `inverse` a bijection."""
+    datasheet: tuple[Quantity, ...]
+    inverse: Callable[..., tuple[Any, ...]]
+    """(filter quantities..., rate) -> per-sample parameters."""
+
+
+# GM and AR1 are one process: beta per sample with phi = exp(-beta), and variance = sigma2/(1 - phi^2).
+# dx/dt = -beta_c x + w with E[w w'] = q delta has the variance q/(2 beta_c); hence q = 2 beta_c variance. (The online
+# platform shows variance * f for q, too large by 1/(2 beta).)
+_GM_DATASHEET = (
+    Quantity("sigma", "standard deviation", "", lambda beta, variance, f: jnp.sqrt(variance),
+             gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+    Quantity("tau_c", "correlation time", None, lambda beta, variance, f: 1 / (beta * f), unit="s", gyro=("s", "h"),
+             accel=("s", "h")),
+    Quantity("sqrt(q)", "driving noise density", "/sqrt(s)",
+             lambda beta, variance, f: jnp.sqrt(2 * beta * f * variance),
+             gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)")),
+)  # fmt: skip
+_GM_FILTER = (
+    Quantity("beta", "inverse correlation time", None, lambda beta, variance, f: beta * f, unit="1/s"),
+    Quantity("q", "PSD of the driving noise", "^2/s", lambda beta, variance, f: 2 * beta * f * variance),
+)
+
+
+def _ar1_as_gm(quantity: Quantity) -> Quantity:
+    return quantity._replace(
+        value=lambda phi, sigma2, f: quantity.value(-jnp.log(phi), sigma2 / ((1 - phi) * (1 + phi)), f)
+    )
+
+
+CONTINUOUS: dict[str, ContinuousForm] = {
+    "WN": ContinuousForm(
+        filter=(Quantity("q", "PSD", "^2/Hz", lambda sigma2, f: sigma2 / f),),
+        datasheet=(
+            Quantity("N", "random walk (ARW, VRW)", "/sqrt(Hz)", lambda sigma2, f: jnp.sqrt(sigma2 / f),
+                     gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)")),
+        ),
+        inverse=lambda q, f: (q * f,),
+    ),
+    "QN": ContinuousForm(
+        filter=(Quantity("Q", "quantisation coefficient", "*s", lambda q2, f: jnp.sqrt(q2) / f),),
+        datasheet=(
+            Quantity("Q", "quantisation coefficient", "*s", lambda q2, f: jnp.sqrt(q2) / f,
+                     gyro=("arcsec", "urad"), accel=("m/s", "mm/s")),
+            # a rounding error uniform over one step has the variance LSB^2/12 (IEEE 952, C.1.1)
+            Quantity("LSB", "increment per bit", "*s", lambda q2, f: jnp.sqrt(12 * q2) / f,
+                     gyro=("arcsec", "urad"), accel=("m/s", "mm/s")),
+        ),
+        inverse=lambda Q, f: ((Q * f) ** 2,),
+    ),
+    "RW": ContinuousForm(
+        filter=(Quantity("q", "PSD of the driving noise", "^2/s", lambda gamma2, f: gamma2 * f),),
+        datasheet=(
+            Quantity("K", "rate random walk", "/sqrt(s)", lambda gamma2, f: jnp.sqrt(gamma2 * f),
+                     gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)")),
+        ),
+        inverse=lambda q, f: (q / f,),
+    ),
+    "DR": ContinuousForm(
+        filter=(Quantity("R", "rate ramp", "/s", lambda omega, f: omega * f),),
+        datasheet=(
+            Quantity("R", "rate ramp", "/s", lambda omega, f: omega * f,
+                     gyro=("deg/h/h", "deg/s/h"), accel=("ug/h", "mg/h")),
+        ),
+        inverse=lambda R, f: (R / f,),
+    ),
+    "GM": ContinuousForm(
+        filter=_GM_FILTER,
+        datasheet=_GM_DATASHEET,
+        inverse=lambda beta, q, f: (beta / f, q / (2 * beta)),
+    ),
+    "AR1": ContinuousForm(
+        filter=tuple(_ar1_as_gm(q) for q in _GM_FILTER),
+        datasheet=tuple(_ar1_as_gm(q) for q in _GM_DATASHEET),
+        # sigma2 = variance (1 - phi^2), by expm1 since phi may be 1 - 1e-12
+        inverse=lambda beta, q, f: (jnp.exp(-beta / f), -q / (2 * beta) * jnp.expm1(-2 * beta / f)),
+    ),
+}  # fmt: skip
+"""One row a process: its quantities in continuous time and the inverse to per-sample parameters."""
+
+
+def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
+    """Per-sample parameters of a process to its continuous-time filter quantities, in SI.
+
+    Parameters
+    ----------
+    kind
+        ``WN``, ``QN``, ``RW``, ``DR``, ``GM`` or ``AR1``.
+    parameters
+        In the order of the process class: (sigma2,), (q2,), (gamma2,), (omega,), (beta, variance), (phi, sigma2).
+    rate
+        Sampling rate in Hz.
+
+    Returns
+    -------
+    WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s] and q [u^2/s].
+    """
+    f = sampling_rate(rate)
+    return tuple(q.value(*parameters, f) for q in CONTINUOUS[kind].filter)
+
+
+def from_continuous(kind: str, quantities: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
+    """Inverse of `to_continuous`: continuous-time filter quantities in SI to per-sample parameters."""
+    return CONTINUOUS[kind].inverse(*quantities, sampling_rate(rate))
