@@ -1,6 +1,7 @@
 """Input checks: each raises a ValueError that says what was seen and what to change."""
 
 import jax
+import jax.core
 import jax.numpy as jnp
 import numpy as np
 

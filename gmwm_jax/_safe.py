@@ -34,9 +34,7 @@ def haar_exp(x: Float[Array, "..."]) -> Float[Array, "..."]:
     From sum_k (-1)^k (4 - 2^k) x^k / k!, which starts at k = 3.
     """
     series = [(-1) ** k * (4.0 - 2.0**k) / math.factorial(k) for k in range(3, 30)]
-    return _series_or(
-        x, series, lambda y: (2 * y - 3 + 4 * jnp.exp(-y) - jnp.exp(-2 * y)) / (y * y * y), threshold=1.0
-    )
+    return _series_or(x, series, lambda y: (2 * y - 3 + 4 * jnp.exp(-y) - jnp.exp(-2 * y)) / (y * y * y), threshold=1.0)
 
 
 def sinh_excess(x: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -34,7 +34,8 @@ class AbstractProcess(eqx.Module):
     """In the order of the fields; the last one carries the amplitude."""
     repeatable: ClassVar[bool] = False
     """May a model hold several? Only where shapes tell them apart."""
-    fixed: eqx.AbstractVar[tuple[str, ...]]
+    fixed: tuple[str, ...] = eqx.field(static=True)
+    """Names of the parameters that estimation holds."""
 
     def _set(self, **values: Any) -> None:
         """Check and store the parameters, unwrapping `Fixed`: the body of every constructor."""
@@ -75,7 +76,8 @@ class AbstractProcess(eqx.Module):
             if getattr(self, n) is None:
                 raise ValueError(f"{self.kind}: {n} cannot be held, it has no value.")
         values = {n: Fixed(getattr(self, n)) if n in held else getattr(self, n) for n in known}
-        return type(self)(**values)
+        cls: Any = type(self)
+        return cls(**values)
 
     def require_complete(self) -> None:
         """Raise if a parameter has no value."""
@@ -200,7 +202,8 @@ class AbstractProcess(eqx.Module):
     @classmethod
     def from_unconstrained(cls, vector: Float[Array, " P"]) -> Self:
         """Inverse of `unconstrained`."""
-        return cls(**{p.name: p.from_line(x) for x, p in zip(vector, cls.parameters, strict=True)})
+        build: Any = cls
+        return build(**{p.name: p.from_line(x) for x, p in zip(vector, cls.parameters, strict=True)})
 
     def __add__(self, other: "AbstractProcess | Composite") -> "Composite":
         return Composite((self,)) + other
@@ -243,9 +246,7 @@ class Composite(eqx.Module):
                     f"Keep one {cls.kind}."
                 )
         if {"GM", "AR1"} <= {cls.kind for cls in counts}:
-            raise ValueError(
-                "GM and AR1 are one process in two parametrisations: use one of them in a model."
-            )
+            raise ValueError("GM and AR1 are one process in two parametrisations: use one of them in a model.")
 
     @property
     def labels(self) -> tuple[str, ...]:

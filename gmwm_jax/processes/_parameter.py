@@ -24,13 +24,10 @@ class Parameter(NamedTuple):
         """Return the value as a float64 scalar, or raise if it lies outside the interval."""
         value = as_float(value)
         seen = concrete(value)
-        if seen is not None and not (
-            seen.ndim == 0 and (self.lower < seen < self.upper or (zero_ok and seen == 0))
-        ):
+        if seen is not None and not (seen.ndim == 0 and (self.lower < seen < self.upper or (zero_ok and seen == 0))):
             bracket = "[" if zero_ok else "("
             raise ValueError(
-                f"{owner}: {self.name} must be one number in {bracket}{self.lower:g}, {self.upper:g}), "
-                f"and is {seen}."
+                f"{owner}: {self.name} must be one number in {bracket}{self.lower:g}, {self.upper:g}), and is {seen}."
             )
         return value
 

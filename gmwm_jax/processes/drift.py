@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -26,7 +25,6 @@ class DR(AbstractProcess):
     """
 
     omega: Scalar | None
-    fixed: tuple[str, ...] = eqx.field(static=True)
 
     kind: ClassVar[str] = "DR"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("omega", "{u}", "slope"),)

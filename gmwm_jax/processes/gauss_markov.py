@@ -2,9 +2,12 @@
 
 Derivation of the wavelet variance. Unit variance, autocovariance phi^|h|, phi = exp(-beta), d = 1 - phi. The variance
 of a sum of m samples is V(m) = m (1+phi)/d - 2 phi (1-phi^m)/d^2, and K(m) = -V(m)/2 (see `_haar`). The textbook
-result (Guerrier et al. 2013), (n d (1+phi) - phi e (2+e)) / (2 n^2 d^2) with e = 1 - phi^n, tau = 2n, is a difference of
-two nearly equal numbers once n beta is small: at phi = 0.999999 it has no digit left. Writing d (1+phi) = 2 phi sinh(beta)
-splits the numerator into two terms that are both positive,
+result (Guerrier et al. 2013), with e = 1 - phi^n and tau = 2n,
+
+    (n d (1+phi) - phi e (2+e)) / (2 n^2 d^2),
+
+is a difference of two nearly equal numbers once n beta is small: at phi = 0.999999 it has no digit left. Writing
+d (1+phi) = 2 phi sinh(beta) splits the numerator into two terms that are both positive,
 
     n d (1+phi) - phi e (2+e) = phi [g(n beta) + 2n (sinh beta - beta)],    g(x) = 2x - 3 + 4 exp(-x) - exp(-2x),
 
@@ -12,16 +15,16 @@ and g(x) = x^3 G(x), sinh(beta) - beta ~ beta^3/6 have series where they cancel 
 
     nu^2 = beta [n phi G(n beta) + 2 exp(-beta) (sinh beta - beta)/beta^3 / n] / (2 E^2),
 
-which is beta (tau^2+2)/(6 tau), a random walk, for beta -> 0 and 1/tau, white noise, for beta -> infinity.
+which is beta (tau^2+2)/(6 tau), a random walk, for beta -> 0 and 1/tau, white noise, for beta -> infinity. Likewise
 
-Likewise K(m) = beta [phi |m|^3 C(beta |m|) - |m| exp(-beta)(sinh beta - beta)/beta^3] / E^2, C(x) = (1-exp(-x)-x+x^2/2)/x^3,
-after a multiple of m^2 has been dropped.
+    K(m) = beta [phi |m|^3 C(beta |m|) - |m| exp(-beta) (sinh beta - beta)/beta^3] / E^2
+
+with C(x) = (1 - exp(-x) - x + x^2/2)/x^3, after a multiple of m^2 has been dropped.
 """
 
 import math
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -51,14 +54,10 @@ def _haar_covariance_over_beta(beta: Any, lag: Any, n_j: Any, n_k: Any) -> Any:
     phi, E, excess = jnp.exp(-beta), exp_ratio(beta), sinh_excess(beta)
     ones = jnp.ones_like(lag)
     # Filters that overlap: with or without the m^2 term, whichever leaves the smaller numbers to cancel.
-    slow = second_differences(
-        lambda m, _: phi * m * m * m * exp_cubic(beta * m) - m * excess, lag, ones, n_j, n_k
-    )
+    slow = second_differences(lambda m, _: phi * m * m * m * exp_cubic(beta * m) - m * excess, lag, ones, n_j, n_k)
     safe_beta = jnp.maximum(beta, 1e-30)
     fast = second_differences(
-        lambda m, _: (
-            phi * (-jnp.expm1(-safe_beta * m) / safe_beta - m) / (safe_beta * safe_beta) - m * excess
-        ),
+        lambda m, _: phi * (-jnp.expm1(-safe_beta * m) / safe_beta - m) / (safe_beta * safe_beta) - m * excess,
         lag,
         ones,
         n_j,
@@ -85,7 +84,6 @@ class GM(AbstractProcess):
 
     beta: Scalar | None
     variance: Scalar | None
-    fixed: tuple[str, ...] = eqx.field(static=True)
 
     kind: ClassVar[str] = "GM"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -150,7 +148,6 @@ class AR1(AbstractProcess):
 
     phi: Scalar | None
     sigma2: Scalar | None
-    fixed: tuple[str, ...] = eqx.field(static=True)
 
     kind: ClassVar[str] = "AR1"
     parameters: ClassVar[tuple[Parameter, ...]] = (

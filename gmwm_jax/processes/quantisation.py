@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -31,12 +30,9 @@ class QN(AbstractProcess):
     """
 
     q2: Scalar | None
-    fixed: tuple[str, ...] = eqx.field(static=True)
 
     kind: ClassVar[str] = "QN"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("q2", "({u})^2", "variance of the rounding error"),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("q2", "({u})^2", "variance of the rounding error"),)
 
     def __init__(self, q2: Any = None):
         self._set(q2=q2)

@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -29,7 +28,6 @@ class RW(AbstractProcess):
     """
 
     gamma2: Scalar | None
-    fixed: tuple[str, ...] = eqx.field(static=True)
 
     kind: ClassVar[str] = "RW"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gamma2", "({u})^2", "variance of a step"),)

@@ -1,6 +1,7 @@
 """The table of processes, and models from text: ``"WN + RW + 3*GM"``."""
 
 import re
+from typing import Any
 
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
@@ -51,9 +52,7 @@ def parse_model(text: str) -> Composite:
             )
         kind = term["kind"].upper()
         if kind not in PROCESSES:
-            raise ValueError(
-                f"Unknown process {term['kind']!r} in the model {text!r}. Known: {', '.join(PROCESSES)}."
-            )
+            raise ValueError(f"Unknown process {term['kind']!r} in the model {text!r}. Known: {', '.join(PROCESSES)}.")
         cls = PROCESSES[kind]
         arguments = _arguments(term["arguments"] or "", cls, text)
         if term["count"] == "0":
@@ -67,8 +66,8 @@ def parse_model(text: str) -> Composite:
         at += 1
 
 
-def _arguments(text: str, cls: type[AbstractProcess], model: str) -> dict[str, object]:
-    values: dict[str, object] = {}
+def _arguments(text: str, cls: type[AbstractProcess], model: str) -> dict[str, Any]:
+    values: dict[str, Any] = {}
     for part in filter(str.strip, text.split(",")):
         match = _ARGUMENT.fullmatch(part)
         if match is None:

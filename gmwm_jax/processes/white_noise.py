@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -28,7 +27,6 @@ class WN(AbstractProcess):
     """
 
     sigma2: Scalar | None
-    fixed: tuple[str, ...] = eqx.field(static=True)
 
     kind: ClassVar[str] = "WN"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("sigma2", "({u})^2", "variance"),)

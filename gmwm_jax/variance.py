@@ -1,0 +1,274 @@
+"""The empirical wavelet variance of recordings: one object for one or several channels."""
+
+import os
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from jaxtyping import Float
+
+from gmwm_jax._check import finite_record, positive, sampling_rate
+from gmwm_jax._table import format_table, number
+from gmwm_jax.recording import Recording
+from gmwm_jax.wavelet import (
+    check_num_levels,
+    degrees_of_freedom,
+    haar_dwt_variance,
+    interval_factors,
+    scales,
+)
+from gmwm_jax.wavelet_host import blocks_to_file, host_wavelet_variance
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class WaveletVariance:
+    """Haar wavelet variance of one channel, arrays of shape (J,), or of C channels, (J, C).
+
+    Attributes
+    ----------
+    scales
+        tau_j, spans of the filters in samples, shape (J,). The averaging time of the Allan variance is half of it.
+    variance, ci_low, ci_high
+        nu_j^2 and its confidence interval, in squared `units`.
+    num_samples
+        N, or None where only published values are known: without it there is no covariance and no standard error.
+    level
+        Confidence of the interval.
+    rate
+        Hz, or None if not stated (times are then in samples).
+    channels, units
+        Name and SI unit of each channel.
+    """
+
+    scales: Float[np.ndarray, " J"]
+    variance: Float[np.ndarray, "J *C"]
+    ci_low: Float[np.ndarray, "J *C"]
+    ci_high: Float[np.ndarray, "J *C"]
+    num_samples: int | None = None
+    level: float = 0.95
+    rate: float | None = None
+    channels: tuple[str, ...] = ("x",)
+    units: tuple[str, ...] = ("1",)
+    name: str = ""
+
+    @classmethod
+    def from_table(
+        cls,
+        scales: Any,
+        variance: Any,
+        ci_low: Any,
+        ci_high: Any,
+        *,
+        num_samples: int | None = None,
+        level: float = 0.95,
+        rate: float | None = None,
+        unit: str = "1",
+        name: str = "",
+    ) -> Self:
+        """Build from published values of one channel.
+
+        Parameters
+        ----------
+        scales
+            Spans tau = 2, 4, 8 ... in *samples* (multiply by the rate if the table has seconds).
+        variance, ci_low, ci_high
+            Haar MODWT wavelet variance, half the Allan variance at tau/2, and the ends of its interval.
+        num_samples
+            Length of the record, needed for standard errors.
+        level
+            Confidence of the interval.
+        rate, unit
+            Sampling rate in Hz and SI unit of the signal (``rad/s``, ``m/s^2``).
+
+        Raises
+        ------
+        ValueError
+            Different lengths, spans that are not even numbers of samples in increasing order, variances that are
+            negative, zero or not finite, an interval that does not hold its variance.
+        """
+        columns = {"scales": scales, "variance": variance, "ci_low": ci_low, "ci_high": ci_high}
+        arrays = {k: np.asarray(v, dtype=np.float64) for k, v in columns.items()}
+        shapes = {k: a.shape for k, a in arrays.items()}
+        if len(set(shapes.values())) > 1 or arrays["scales"].ndim != 1 or not arrays["scales"].size:
+            raise ValueError(f"scales, variance, ci_low and ci_high must be equally long lists; they are {shapes}.")
+        for k, a in arrays.items():
+            if not np.all(np.isfinite(a)):
+                raise ValueError(f"{k} must be finite, and is {a[~np.isfinite(a)][0]} at {np.argmin(np.isfinite(a))}.")
+        tau = arrays["scales"]
+        if np.any(tau < 2) or np.any(tau % 2 != 0) or np.any(np.diff(tau) <= 0):
+            raise ValueError(
+                f"scales must be even numbers of samples in increasing order (2, 4, 8 ...), and are {tau}. "
+                "If they are seconds, multiply by the sampling rate; if they are averaging times, by 2."
+            )
+        positive("variance", arrays["variance"])
+        positive("ci_low", arrays["ci_low"], zero_ok=True)
+        outside = ~((arrays["ci_low"] <= arrays["variance"]) & (arrays["variance"] <= arrays["ci_high"]))
+        outside |= arrays["ci_low"] == arrays["ci_high"]
+        if np.any(outside):
+            raise ValueError(f"The interval at scale {tau[outside][0]:g} does not hold its variance, or is empty.")
+        if rate is not None:
+            rate = sampling_rate(rate)
+        return cls(
+            **arrays, num_samples=num_samples, level=level, rate=rate, channels=(name or "x",), units=(unit,), name=name
+        )
+
+    @property
+    def num_scales(self) -> int:
+        """J."""
+        return self.scales.shape[0]
+
+    @property
+    def is_single(self) -> bool:
+        """One channel, with arrays of shape (J,)?"""
+        return self.variance.ndim == 1
+
+    @property
+    def times(self) -> Float[np.ndarray, " J"]:
+        """Spans in seconds (in samples where the rate is not known)."""
+        return self.scales / (self.rate or 1.0)
+
+    def __getitem__(self, channel: str | int) -> "WaveletVariance":
+        """One channel, by name or number."""
+        if isinstance(channel, str):
+            if channel not in self.channels:
+                raise KeyError(f"No channel {channel!r}; there are {', '.join(self.channels)}.")
+            channel = self.channels.index(channel)
+        columns = {k: getattr(self, k) for k in ("variance", "ci_low", "ci_high")}
+        if not self.is_single:
+            columns = {k: np.ascontiguousarray(v[:, channel]) for k, v in columns.items()}
+        return replace(self, **columns, channels=(self.channels[channel],), units=(self.units[channel],))
+
+    def items(self) -> Iterable[tuple[str, "WaveletVariance"]]:
+        """Pairs of channel name and its wavelet variance."""
+        return ((name, self[i]) for i, name in enumerate(self.channels))
+
+    def __repr__(self) -> str:
+        """A table: a row a scale, a column a channel (with the interval if there is only one)."""
+        time = "tau [s]" if self.rate else "tau [samples]"
+        if self.is_single:
+            head = [time, f"WV [({self.units[0]})^2]", f"{100 * self.level:g} % low", "high"]
+            columns = np.column_stack([self.times, self.variance, self.ci_low, self.ci_high])
+        else:
+            head = [time, *(f"{c} [({u})^2]" for c, u in zip(self.channels, self.units, strict=True))]
+            columns = np.column_stack([self.times, self.variance])
+        what = self.name or ", ".join(self.channels)
+        samples = f", {self.num_samples} samples" if self.num_samples else ""
+        rate = f" at {self.rate:g} Hz" if self.rate else ""
+        table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
+        return f"Haar wavelet variance of {what}{samples}{rate}\n{table}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """Log-log figure with the confidence band, see `gmwm_jax.plot.plot_wavelet_variance`."""
+        from gmwm_jax.plot import plot_wavelet_variance
+
+        return plot_wavelet_variance(self, **options)
+
+
+def wavelet_variance(
+    record: Recording | np.ndarray | Iterable[np.ndarray],
+    *,
+    num_levels: int | None = None,
+    method: str = "modwt",
+    level: float = 0.95,
+    rate: float | None = None,
+    unit: str = "1",
+    scratch: str | os.PathLike | None = None,
+) -> WaveletVariance:
+    """Haar wavelet variance of a recording, with chi-square confidence intervals.
+
+    Parameters
+    ----------
+    record
+        A `Recording`; an array of shape (N,) or (N, C), `numpy.memmap` included; or an iterable of one-dimensional
+        blocks of one channel.
+    num_levels
+        J, by default floor(log2 N) - 1.
+    method
+        ``modwt`` (every coefficient) or ``dwt`` (every 2^j-th: less precise, but hardly correlated).
+    level
+        Confidence of the intervals.
+    rate, unit
+        Sampling rate in Hz and SI unit of a record that is not a `Recording` (which knows them).
+    scratch
+        A folder for temporary files, for records that are larger than memory: an iterable of blocks is spooled there
+        (in the system's temporary folder if none is given), and so are the running sums.
+
+    Returns
+    -------
+    WaveletVariance
+        Arrays (J,) for one channel, (J, C) for several.
+
+    Raises
+    ------
+    ValueError
+        Too short, constant, NaN or inf (the first is named), unknown method.
+    """
+    if method not in ("modwt", "dwt"):
+        raise ValueError(f"method must be 'modwt' or 'dwt', and is {method!r}.")
+    if isinstance(record, Recording):
+        if rate is not None and rate != record.rate:
+            raise ValueError(f"rate={rate} was given, and the recording has {record.rate} Hz.")
+        data, rate, channels, units, name = record.data, record.rate, record.channels, record.units, record.name
+        if record.num_channels == 1:
+            data = data[:, 0]
+    elif isinstance(record, np.ndarray) or hasattr(record, "__array__"):
+        data = record if isinstance(record, np.memmap) else np.asarray(record)
+        if data.ndim not in (1, 2) or data.size == 0:
+            raise ValueError(f"A record has the shape (N,) or (N, C) and is not empty; this one has {data.shape}.")
+        if data.dtype.kind not in "fiu":
+            raise ValueError(f"A record holds real numbers, and this one has the dtype {data.dtype}.")
+        num = 1 if data.ndim == 1 else data.shape[1]
+        channels = ("x",) if data.ndim == 1 else tuple(f"channel_{i}" for i in range(num))
+        units, name = (unit,) * num, ""
+        rate = None if rate is None else sampling_rate(rate)
+    else:
+        return _from_blocks(record, num_levels, method, level, rate, unit, scratch)
+
+    num_samples = data.shape[0]
+    J = check_num_levels(num_samples, num_levels)
+    matrix = data[:, None] if data.ndim == 1 else data
+    columns = []
+    for i, channel in enumerate(channels):
+        x = matrix[:, i]
+        if method == "modwt":
+            nu = host_wavelet_variance(x, J, scratch=scratch)
+        else:
+            finite_record(np.asarray(x), channel)
+            nu = np.asarray(haar_dwt_variance(np.asarray(x, dtype=np.float64), J))  # pyright: ignore[reportArgumentType]
+        if np.any(nu <= 0):
+            raise ValueError(
+                f"{channel} does not change over spans of {2 ** (int(np.argmin(nu > 0)) + 1)} samples: a constant or "
+                "stuck channel has no noise to model. Check the column and the sensor."
+            )
+        columns.append(nu)
+    nu = columns[0] if data.ndim == 1 else np.column_stack(columns)
+    low, high = interval_factors(degrees_of_freedom(num_samples, J, decimated=method == "dwt"), level)
+    if nu.ndim == 2:
+        low, high = low[:, None], high[:, None]
+    return WaveletVariance(
+        scales(J), nu, nu * low, nu * high, num_samples, level, rate, tuple(channels), tuple(units), name
+    )
+
+
+def _from_blocks(
+    blocks: Iterable[np.ndarray],
+    num_levels: int | None,
+    method: str,
+    level: float,
+    rate: float | None,
+    unit: str,
+    scratch: str | os.PathLike | None,
+) -> WaveletVariance:
+    """Spool the blocks to a scratch file and take the wavelet variance of its memory map."""
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        spooled = blocks_to_file(blocks, os.path.join(folder, "record.f64"))
+        result = wavelet_variance(
+            spooled, num_levels=num_levels, method=method, level=level, rate=rate, unit=unit, scratch=folder
+        )
+        del spooled
+    return result
