@@ -157,6 +157,11 @@ class AbstractProcess(eqx.Module):
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
+    def start_nodes(cls, tau_max: float, num: int) -> tuple[float, ...]:
+        """Coordinates at which a search over records with spans up to tau_max starts."""
+        raise NotImplementedError(f"{cls.kind} has no shape parameter.")
+
+    @classmethod
     def correlation_time(cls, shape: tuple[Any, ...]) -> Any:
         """Correlation time in samples, by which components of one kind are ordered."""
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")

@@ -27,6 +27,7 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
@@ -126,6 +127,10 @@ class GM(AbstractProcess):
         return math.log(_SMALLEST_BETA_TAU / tau_max), math.log(_LARGEST_BETA)
 
     @classmethod
+    def start_nodes(cls, tau_max, num):  # noqa: D102
+        return tuple(_log_beta_nodes(tau_max, num))
+
+    @classmethod
     def correlation_time(cls, shape):  # noqa: D102
         return 1 / shape[0]
 
@@ -217,6 +222,12 @@ class AR1(AbstractProcess):
         return -math.log(2e6), math.log(2 / smallest_d)
 
     @classmethod
+    def start_nodes(cls, tau_max, num):  # noqa: D102
+        # one node for alternating processes, phi = -0.5
+        positive = -np.log(np.tanh(np.exp(_log_beta_nodes(tau_max, num - 1)) / 2))
+        return (-1.1, *(float(z) for z in positive))
+
+    @classmethod
     def correlation_time(cls, shape):  # noqa: D102
         (phi,) = shape
         return -1 / jnp.log(jnp.maximum(jnp.abs(phi), 1e-300))
@@ -226,6 +237,11 @@ class AR1(AbstractProcess):
         phi, sigma2 = self.values
         remainder = (1 - phi) * (1 + phi)
         return _simulate(phi, remainder, sigma2 / remainder, num_samples, key)
+
+
+def _log_beta_nodes(tau_max: float, num: int) -> list[float]:
+    """From a tenth of the longest span to a fifth of a sample, ends left out."""
+    return [float(x) for x in np.linspace(math.log(0.1 / tau_max), math.log(5.0), num + 2)[1:-1]]
 
 
 def _simulate(phi: Any, remainder: Any, variance: Any, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:

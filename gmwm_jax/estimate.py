@@ -1,0 +1,195 @@
+"""The GMWM estimator: separable least squares on the wavelet variance, solved for its global minimum.
+
+Minimise over theta   Q(theta) = (nu_hat - nu(theta))' Omega (nu_hat - nu(theta))   (Guerrier et al. 2013).
+
+A model is linear in its amplitudes c >= 0 once the shapes u (log correlation times) are given: nu = A(u) c. With
+Omega = L L', y = L' nu_hat and B(u) = L' A(u), the amplitudes follow exactly from a small non-negative least-squares
+problem, and what is left is a smooth function of the few shapes alone (variable projection, Golub & Pereyra 1973):
+
+    r(u) = y - B(u) c(u),    c(u) = argmin_{c >= 0} |y - B(u) c|.
+
+A component that the data do not want gets exactly zero; nothing crawls along a boundary. Levenberg-Marquardt runs on r
+from many starts at once, and the lowest end is taken. Its Jacobian is Kaufman's (1975): dr = -P dB c, with P the projection
+off the passive columns; the gradient dr' r = -r' dB c is exact, and what is left out of dr is proportional to r.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from gmwm_jax._nnls import passive_set, solve_passive
+from gmwm_jax.processes._base import AbstractProcess
+
+_MAX_STEPS = 100
+_TOLERANCE = 1e-9
+
+
+class Layout(NamedTuple):
+    """What is static in a fit, one entry a component; components with a free shape come first."""
+
+    kinds: tuple[type[AbstractProcess], ...]
+    free_shape: tuple[bool, ...]
+    free_amplitude: tuple[bool, ...]
+
+    @property
+    def num_shapes(self) -> int:
+        """K, the number of shapes to search for."""
+        return sum(self.free_shape)
+
+
+class Data(NamedTuple):
+    """What a fit depends on and may change without a new compilation."""
+
+    y: Float[Array, " J"]
+    """L' nu_hat."""
+    whitener: Float[Array, "J J"]
+    """L' with Omega = L L'."""
+    tau: Float[Array, " J"]
+    bounds: Float[Array, "K 2"]
+    """Ends of the search coordinates."""
+    shapes: tuple[tuple[Float[Array, ""], ...], ...]
+    """Given shapes of the components whose shape is not free, in order."""
+    amplitudes: Float[Array, " P"]
+    """Amplitudes of all components; read where they are not free."""
+
+
+class Solution(NamedTuple):
+    """The minimum, and what is needed to judge it."""
+
+    coordinates: Float[Array, " K"]
+    amplitudes: Float[Array, " P"]
+    objective: Float[Array, ""]
+    slope: Float[Array, ""]
+    """Largest |dQ/du| over the shapes: what moving a correlation time by a factor e would still gain."""
+    num_agreeing: Int[Array, ""]
+    """How many starts ended within 1e-6 relative of the minimum."""
+
+
+def fold(u: Float[Array, " K"], bounds: Float[Array, "K 2"]) -> Float[Array, " K"]:
+    """Reflect coordinates at the ends of their intervals.
+
+    Beyond an end the wavelet variance no longer changes: a search that steps out would find no slope to come back.
+    """
+    low, high = bounds[:, 0], bounds[:, 1]
+    width = high - low
+    v = jnp.mod(u - low, 2 * width)
+    return low + jnp.where(v > width, 2 * width - v, v)
+
+
+def _shape_columns(layout: Layout, u: Float[Array, " K"], data: Data) -> Float[Array, "K J"]:
+    """Unit wavelet variances of the components with a free shape, whitened."""
+    coordinates = fold(u, data.bounds)
+    rows, start = [], 0
+    kinds = layout.kinds[: layout.num_shapes]
+    while start < len(kinds):  # one vmap for each run of equal kinds
+        kind, stop = kinds[start], start
+        while stop < len(kinds) and kinds[stop] is kind:
+            stop += 1
+
+        def column(z: Array, kind: type[AbstractProcess] = kind) -> Array:
+            return kind.unit_wavelet_variance(kind.shape_from_coordinate(z), data.tau)
+
+        rows.append(jax.vmap(column)(coordinates[start:stop]))
+        start = stop
+    return jnp.concatenate(rows) @ data.whitener.T
+
+
+def _design(layout: Layout, shape_columns: Float[Array, "K J"] | None, data: Data) -> Float[Array, "J P"]:
+    rest = [
+        kind.unit_wavelet_variance(shape, data.tau)
+        for kind, shape in zip(layout.kinds[layout.num_shapes :], data.shapes, strict=True)
+    ]
+    rows = [] if shape_columns is None else [shape_columns]
+    if rest:
+        rows.append(jnp.stack(rest) @ data.whitener.T)
+    return jnp.concatenate(rows).T
+
+
+class _Projection(NamedTuple):
+    """The inner problem at given shapes."""
+
+    residual: Float[Array, " J"]
+    amplitudes: Float[Array, " P"]
+    B: Float[Array, "J F"]
+    """Columns of the free amplitudes, of unit length."""
+    G: Float[Array, "F F"]
+    passive: Bool[Array, " F"]
+
+
+def _project(layout: Layout, design: Float[Array, "J P"], data: Data) -> _Projection:
+    free = [i for i, f in enumerate(layout.free_amplitude) if f]
+    held = [i for i, f in enumerate(layout.free_amplitude) if not f]
+    y = data.y
+    if held:
+        y = y - design[:, held] @ data.amplitudes[jnp.asarray(held)]
+    if not free:
+        empty = jnp.zeros((0, 0))
+        return _Projection(y, data.amplitudes, design[:, :0], empty, jnp.zeros(0, dtype=bool))
+    columns = design[:, free]
+    length = jnp.sqrt(jnp.sum(columns * columns, axis=0))
+    B = columns / length
+    G, b = B.T @ B, B.T @ y
+    passive = passive_set(G, b, jnp.sqrt(jnp.sum(y * y)))
+    x = solve_passive(G, b, passive)
+    amplitudes = data.amplitudes.at[jnp.asarray(free)].set(jnp.maximum(x, 0.0) / length)
+    return _Projection(y - B @ x, amplitudes, B, G, passive)
+
+
+def _residual_function(layout: Layout):
+    """(r(u), c(u)), with Kaufman's Jacobian as the derivative of r."""
+
+    @jax.custom_jvp
+    def residual(u: Array, data: Data) -> tuple[Array, Array]:
+        inner = _project(layout, _design(layout, _shape_columns(layout, u, data), data), data)
+        return inner.residual, inner.amplitudes
+
+    @residual.defjvp
+    def residual_jvp(primals, tangents):
+        (u, data), (du, _) = primals, tangents
+        # each column depends on its own coordinate only: one derivative in the direction (1, .. 1) has them all
+        columns, slopes = jax.jvp(lambda v: _shape_columns(layout, v, data), (u,), (jnp.ones_like(u),))
+        inner = _project(layout, _design(layout, columns, data), data)
+        v = slopes.T @ (inner.amplitudes[: layout.num_shapes] * du)
+        projected = inner.B @ solve_passive(inner.G, inner.B.T @ v, inner.passive)
+        out = inner.residual, inner.amplitudes
+        return out, (projected - v, jnp.zeros_like(inner.amplitudes))  # nobody differentiates the amplitudes
+
+    return residual
+
+
+def minimise(layout: Layout, starts: Float[Array, "S K"], data: Data) -> Solution:
+    """Minimise the GMWM objective of one channel over all starts. Pure: jit and vmap it.
+
+    Parameters
+    ----------
+    layout
+        Components and what is free (static).
+    starts
+        Starting coordinates, see `gmwm_jax.start`; (1, 0) where no shape is free.
+    data
+        Whitened wavelet variance and held values.
+    """
+    if layout.num_shapes == 0:
+        inner = _project(layout, _design(layout, None, data), data)
+        objective = jnp.sum(inner.residual * inner.residual)
+        return Solution(starts[0], inner.amplitudes, objective, jnp.zeros(()), jnp.asarray(1))
+
+    residual = jax.jit(_residual_function(layout))
+    method = optx.LevenbergMarquardt(rtol=_TOLERANCE, atol=_TOLERANCE)
+
+    def descend(start: Array) -> Solution:
+        end = optx.least_squares(residual, method, start, args=data, has_aux=True, max_steps=_MAX_STEPS, throw=False)
+        r, jac = end.state.f_info.residual, end.state.f_info.jac.as_matrix()
+        objective = jnp.sum(r * r)
+        objective = jnp.where(jnp.isfinite(objective), objective, jnp.inf)
+        slope = jnp.max(jnp.abs(2 * r @ jac))
+        return Solution(fold(end.value, data.bounds), end.aux, objective, slope, jnp.asarray(1))
+
+    ends = jax.vmap(descend)(starts)
+    best = jnp.argmin(ends.objective)
+    num_agreeing = jnp.sum(ends.objective <= ends.objective[best] * (1 + 1e-6))
+    return jax.tree.map(lambda leaf: leaf[best], ends)._replace(num_agreeing=num_agreeing)

@@ -1,0 +1,328 @@
+"""A static recording: samples in SI with their rate, channel names and units.
+
+This is the door through which data enters. The unit is stated by whoever made the record and is never guessed; it also
+tells rates (``deg/s``, ``g``) from increments per sample (``deg``, ``m/s``), which are multiplied by the sampling rate.
+"""
+
+import operator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self, SupportsIndex
+
+import numpy as np
+from jaxtyping import Float64
+
+from gmwm_jax._check import finite_record, sampling_rate
+from gmwm_jax._typing import FloatLike, Names
+from gmwm_jax.units import SignalUnit, signal_unit
+
+_SI_SIGNALS = ("rad/s", "m/s^2", "1")
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+_GAP = 1.5
+"""A step of more than so many median steps misses at least one sample, which jitter does not explain."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording:
+    """Samples of one or several sensors, taken together at one rate. Build it with `from_array`.
+
+    Attributes
+    ----------
+    data
+        Shape (N, C), in the SI unit of each channel. Stored channel by channel and read-only.
+    rate
+        Sampling rate in Hz.
+    channels
+        Names of the C channels. What precedes the last ``_`` is the group: ``gyro`` of ``gyro_x``.
+    units
+        SI unit of each channel: ``rad/s``, ``m/s^2`` or ``1``.
+    name
+        Of the recording, for tables and figures.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two samples, more channels than samples, NaN or infinite samples, a constant channel, names or
+        units that do not match the channels, or no positive rate.
+    """
+
+    data: Float64[np.ndarray, "samples channels"]
+    rate: float
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        _check_shape(self.data)
+        sampling_rate(self.rate)
+        _check_names(self.channels, self.num_channels)
+        if len(self.units) != self.num_channels or not set(self.units) <= set(_SI_SIGNALS):
+            raise ValueError(
+                f"A recording has one of the units {', '.join(_SI_SIGNALS)} for each of its {self.num_channels} channels,"
+                f" and was given {self.units}: Recording.from_array converts other units."
+            )
+        for name, samples in self.items():
+            finite_record(samples, f"channel {name!r}")
+            if samples.min() == samples.max():
+                raise ValueError(
+                    f"channel {name!r} is constant ({samples[0]:g} in all {len(samples)} samples): it has no noise to "
+                    "model. The sensor was off, saturated or not connected; leave the channel out."
+                )
+
+    @classmethod
+    def from_array(
+        cls,
+        data: Any,
+        *,
+        rate: FloatLike | None,
+        units: str | Sequence[str] | Mapping[str, str] | None,
+        channels: Names | None = None,
+        name: str = "",
+    ) -> Self:
+        """Make a recording from an array, converting to SI. The array is copied once and left as it is.
+
+        Parameters
+        ----------
+        data
+            Shape (N,) or (N, C): integers or floats of any size, time on axis 0.
+        rate
+            Sampling rate in Hz.
+        units
+            Unit of the samples: one for all channels, one per channel, or a mapping from channel or group to unit, as
+            in ``{"gyro": "deg/s", "accel": "g"}``. Increments (``rad``, ``deg``, ``arcsec``, ``m/s``) become rates.
+        channels
+            Channel names; ``channel_0``, ``channel_1`` ... unless given.
+        name
+            Name of the recording.
+
+        Raises
+        ------
+        ValueError
+            See the class; and a unit that is missing, unknown or no sensor signal, or data that are no real numbers.
+        """
+        samples = _as_columns(data)
+        _check_shape(samples)
+        count = samples.shape[1]
+        if channels is None:
+            channels = [f"channel_{i}" for i in range(count)]
+        names = (channels,) if isinstance(channels, str) else tuple(channels)
+        _check_names(names, count)
+        f = sampling_rate(rate)
+        signals = _signals(units, names)
+        samples *= np.array([s.factor * (f if s.increments else 1.0) for s in signals])
+        samples.flags.writeable = False
+        return cls(samples, f, names, tuple(s.si for s in signals), name)
+
+    @property
+    def num_channels(self) -> int:
+        """Number of channels."""
+        return self.data.shape[1]
+
+    @property
+    def duration(self) -> float:
+        """Length in seconds: N / rate."""
+        return len(self) / self.rate
+
+    def time(self) -> Float64[np.ndarray, " samples"]:
+        """Time of each sample in seconds, from 0."""
+        return np.arange(len(self)) / self.rate
+
+    def column(self, name: str | SupportsIndex) -> Float64[np.ndarray, " samples"]:
+        """Return the samples of one channel, shape (N,), contiguous and read-only.
+
+        Raises
+        ------
+        KeyError
+            No channel has this name.
+        """
+        positions = self._positions(name)
+        if len(positions) > 1:
+            raise KeyError(f"{name!r} is a group of {len(positions)} channels; one of: {', '.join(self.channels)}")
+        return self.data[:, positions[0]]
+
+    def items(self) -> Iterator[tuple[str, Float64[np.ndarray, " samples"]]]:
+        """Iterate over (channel name, samples of shape (N,))."""
+        return ((name, self.data[:, i]) for i, name in enumerate(self.channels))
+
+    def plot(self) -> Any:
+        """Plot every channel over time; see `gmwm_jax.plot.plot_recording`."""
+        from gmwm_jax.plot import plot_recording
+
+        return plot_recording(self)
+
+    def __getitem__(self, key: str | SupportsIndex | Sequence[str | SupportsIndex]) -> Self:
+        """Select channels by name, group, position, or a list of these.
+
+        Raises
+        ------
+        KeyError
+            No channel or group has this name.
+        IndexError
+            No channel at this position.
+        """
+        keys = [key] if isinstance(key, (str, SupportsIndex)) else key
+        positions = [position for k in keys for position in self._positions(k)]
+        if not positions:
+            raise KeyError(f"no channel is asked for; the channels are: {', '.join(self.channels)}")
+        neighbours = range(positions[0], positions[-1] + 1)
+        if positions == list(neighbours):  # a view, no copy
+            data = self.data[:, neighbours.start : neighbours.stop]
+        else:
+            data = np.asfortranarray(self.data[:, positions])
+            data.flags.writeable = False
+        return replace(
+            self,
+            data=data,
+            channels=tuple(self.channels[i] for i in positions),
+            units=tuple(self.units[i] for i in positions),
+        )
+
+    def _positions(self, key: str | SupportsIndex) -> list[int]:
+        """Return the column numbers of a channel, a group or a position."""
+        if not isinstance(key, str):
+            return [range(self.num_channels)[operator.index(key)]]
+        if key in self.channels:
+            return [self.channels.index(key)]
+        members = [i for i, name in enumerate(self.channels) if _group(name) == key]
+        if not members:
+            raise KeyError(f"no channel or group {key!r}; the channels are: {', '.join(self.channels)}")
+        return members
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.data, dtype=dtype, copy=copy)
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.channels)
+
+    def __repr__(self) -> str:
+        rows = [("channel", "unit", "mean", "std")]
+        rows += [
+            (name, unit, f"{x.mean():.6g}", f"{x.std():.6g}")
+            for (name, x), unit in zip(self.items(), self.units, strict=True)
+        ]
+        widths = [max(len(row[i]) for row in rows) for i in range(4)]
+        title = f"Recording {self.name!r}" if self.name else "Recording"
+        head = f"{title}: {len(self)} samples at {self.rate:g} Hz, {self.duration:g} s"
+        return "\n".join([head, *("  " + _row(row, widths) for row in rows)])
+
+
+def rate_of_time(time: np.ndarray, unit: str = "s") -> float:
+    """Return the sampling rate in Hz that a column of time tells: the number of steps over their sum.
+
+    Jitter is tolerated; it averages out.
+
+    Parameters
+    ----------
+    time
+        Shape (N,), numbers in `unit` or NumPy timestamps, increasing in even steps.
+    unit
+        ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``.
+
+    Raises
+    ------
+    ValueError
+        Time that does not increase, has a gap (a step above 1.5 median steps), is not finite or no number; fewer than
+        two values; or an unknown unit.
+    """
+    if unit not in _SECONDS:
+        raise ValueError(f"Unknown unit of time {unit!r}; it is one of: {', '.join(_SECONDS)}.")
+    if time.dtype.kind not in "iufM":
+        raise ValueError(f"The column of time holds {time.dtype} ({time[:1].tolist()} ...), and no numbers.")
+    if len(time) < 2:
+        raise ValueError(f"The column of time has {len(time)} value: a rate needs two.")
+    size = np.timedelta64(1, "s") if time.dtype.kind == "M" else 1 / _SECONDS[unit]
+    seconds = (time - time[0]) / size
+    finite_record(seconds, "the column of time")
+    steps = np.diff(seconds)
+    median = np.median(steps)
+    back, gap = steps <= 0, steps > _GAP * median
+    if back.any():
+        i = int(back.argmax()) + 1
+        raise ValueError(
+            f"Time does not increase at index {i}: {time[i - 1]} is followed by {time[i]}. The clock was reset, times "
+            "were written with too few digits, or this is not the column of time."
+        )
+    if gap.any():
+        i = int(gap.argmax()) + 1
+        raise ValueError(
+            f"Time has a gap of {steps[i - 1]:.6g} s before index {i}, where the usual step is {median:.6g} s. Cut the "
+            "record there: a gap that is closed silently changes every scale."
+        )
+    return float(len(steps) / seconds[-1])
+
+
+def _row(cells: tuple[str, ...], widths: list[int]) -> str:
+    """Names to the left, numbers to the right."""
+    left = [cell.ljust(width) for cell, width in zip(cells[:2], widths[:2], strict=True)]
+    return "  ".join(left + [cell.rjust(width) for cell, width in zip(cells[2:], widths[2:], strict=True)])
+
+
+def _group(name: str) -> str:
+    return name.rpartition("_")[0]
+
+
+def _as_columns(data: Any) -> np.ndarray:
+    """Copy data to float64 columns, each contiguous in memory since every analysis goes channel by channel."""
+    seen = data if isinstance(data, np.ma.MaskedArray) else np.asarray(data)
+    if seen.dtype.kind not in "iuf":
+        raise ValueError(
+            f"A recording holds real numbers, and the data are of dtype {seen.dtype}. Select the numeric columns, and "
+            "convert them with .astype(float) if they are numbers written as text or objects."
+        )
+    if seen.ndim not in (1, 2):
+        raise ValueError(f"A recording has the shape (N,) or (N, C), time on axis 0, and the data have {seen.shape}.")
+    copy = np.array(seen, dtype=np.float64, order="F")
+    copy[np.ma.getmask(seen)] = np.nan  # masked samples are missing: the check for NaN names them
+    return copy if copy.ndim == 2 else copy[:, None]
+
+
+def _check_shape(data: np.ndarray) -> None:
+    samples, channels = data.shape
+    if not data.size:
+        raise ValueError(f"The recording is empty: its shape is {data.shape}.")
+    if samples < 2:
+        raise ValueError(f"The recording has one sample (shape {data.shape}): noise shows only in a series of them.")
+    if channels > samples:
+        raise ValueError(
+            f"The data have {samples} samples of {channels} channels. Time is axis 0: transpose them if it is axis 1."
+        )
+
+
+def _check_names(names: tuple[str, ...], count: int) -> None:
+    if len(names) != count:
+        raise ValueError(f"{len(names)} channel names ({', '.join(names)}) were given for {count} channels.")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"Channel names must differ, and these occur twice: {', '.join(twice)}.")
+
+
+def _signals(units: str | Sequence[str] | Mapping[str, str] | None, names: tuple[str, ...]) -> list[SignalUnit]:
+    """Return the unit of each channel."""
+    if units is None:
+        raise ValueError(
+            'The unit of the samples is missing: give units=..., one unit or as in {"gyro": "deg/s", "accel": "g"}. It '
+            "is never guessed, and it tells rates (rad/s, deg/s, deg/h, m/s^2, g, mg, ug) from increments per sample "
+            '(rad, deg, arcsec, m/s), which are multiplied by the rate. "1" leaves samples of another kind as they are.'
+        )
+    if isinstance(units, str):
+        return [signal_unit(units)] * len(names)
+    if isinstance(units, Mapping):
+        return [signal_unit(unit) for unit in _from_mapping(units, names)]
+    if len(units) != len(names):
+        raise ValueError(f"{len(units)} units ({', '.join(units)}) were given for {len(names)} channels.")
+    return [signal_unit(unit) for unit in units]
+
+
+def _from_mapping(units: Mapping[str, str], names: tuple[str, ...]) -> list[str]:
+    """Look up each channel by its name, else by its group; every channel and every key must find its partner."""
+    keys = [name if name in units else _group(name) for name in names]
+    bare = [name for name, key in zip(names, keys, strict=True) if key not in units]
+    if bare:
+        raise ValueError(f"No unit is given for: {', '.join(bare)}. The keys of units are: {', '.join(units)}.")
+    unused = [key for key in units if key not in keys]
+    if unused:
+        raise ValueError(f"units names {', '.join(unused)}, and the channels are: {', '.join(names)}.")
+    return [units[key] for key in keys]

@@ -1,0 +1,151 @@
+"""Covariance of the wavelet-variance estimator for a Gaussian process of known model, exact for finite N.
+
+With gamma_jk(h) = Cov(W_{j,t+h}, W_{k,t}) and a mean mu_j of the coefficients (zero but for a drift), Isserlis' theorem gives
+
+    Cov(nu_j, nu_k) = 1/(M_j M_k) sum_h N_jk(h) [2 gamma_jk(h)^2 + 4 mu_j mu_k gamma_jk(h)],
+
+N_jk(h) the number of pairs of coefficients at lag h. (Percival 1995 and Serroukh, Walden & Percival 2000 take the limit of
+large N, where it becomes an integral over the spectrum.)
+
+The sum has 2N terms for each pair of scales. But gamma_jk is smooth between nine kinks, the lags at which an edge or
+the middle of one filter meets one of the other's, and varies there on the scale of the distance to the nearest kink (or
+of a correlation time, when it has died out before the panels grow longer). Hence a graded quadrature: panels that double
+in length away from every kink, and in each a Gauss rule *for sums over integers*, whose orthogonal polynomials are the
+discrete Chebyshev (Gram) polynomials; exact for polynomials up to degree 2Q - 1 and, on panels of up to Q points, for
+everything. Even and odd lags are summed apart, so that an AR1 with phi < 0 is smooth as well.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._check import require_x64
+from gmwm_jax.processes._base import Composite
+from gmwm_jax.wavelet import check_num_levels, num_coefficients, scales
+
+_NODES = 8
+"""Q, Gauss nodes in a panel."""
+
+
+class LagQuadrature(NamedTuple):
+    """Nodes and weights for the sums over lags of all pairs j >= k of scales, as one flat list."""
+
+    lag: np.ndarray
+    parity: np.ndarray
+    n_j: np.ndarray
+    n_k: np.ndarray
+    weight: np.ndarray
+    """Quadrature weight times N_jk(h) / (M_j M_k)."""
+    pair: np.ndarray
+    """Index of the pair, in the order of `numpy.tril_indices`."""
+
+
+@lru_cache
+def _gauss_for_sums(count: int) -> tuple[Float[np.ndarray, " Q"], Float[np.ndarray, " Q"]]:
+    """Nodes and weights with sum_i w_i f(x_i) = sum_{x=0}^{count-1} f(x) for polynomials f up to degree 2Q - 1.
+
+    Golub & Welsch (1969) from the recurrence of the discrete Chebyshev polynomials (Gautschi 2004, table 1.2).
+    """
+    if count <= _NODES:
+        return np.arange(count, dtype=float), np.ones(count)
+    k = np.arange(1, _NODES)
+    off_diagonal = np.sqrt(k**2 * (float(count) ** 2 - k**2) / (4 * (4 * k**2 - 1)))
+    jacobi = np.diag(np.full(_NODES, (count - 1) / 2)) + np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1)
+    nodes, vectors = np.linalg.eigh(jacobi)
+    return nodes, count * vectors[0] ** 2
+
+
+def _panels(first: int, last: int, graded_left: bool, graded_right: bool) -> list[tuple[int, int]]:
+    """Cut the integers first..last into panels [start, stop) that double in length away from the graded ends."""
+    if last < first:
+        return []
+    if graded_left and graded_right:
+        middle = (first + last) // 2
+        return _panels(first, middle, True, False) + _panels(middle + 1, last, False, True)
+    panels, length, start = [], 2 * _NODES, first
+    while start <= last:
+        stop = min(start + length, last + 1)
+        panels.append((start, stop))
+        length = max(2 * _NODES, stop - first)
+        start = stop
+    # graded towards the other end: the same, mirrored
+    return panels if graded_left else [(first + last + 1 - b, first + last + 1 - a) for a, b in reversed(panels)]
+
+
+@lru_cache(maxsize=16)
+def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
+    """Nodes and weights for a record of N samples and levels 1..J."""
+    tau = scales(num_levels).astype(int)
+    M = num_coefficients(num_samples, num_levels)
+    parts = []
+    for pair, (j, k) in enumerate(zip(*np.tril_indices(num_levels), strict=True)):
+        n_j, n_k = tau[j] // 2, tau[k] // 2
+        lowest, highest = -(num_samples - tau[j]), num_samples - tau[k]
+        kinks = sorted({a * n_j - b * n_k for a in range(3) for b in range(3)})
+        edges = [h for h in kinks if lowest <= h <= highest]
+        panels = _panels(lowest, edges[0] - 1, False, True)
+        for left, right in zip(edges, [*edges[1:], None], strict=True):
+            panels.append((left, left + 1))
+            panels += _panels(left + 1, highest if right is None else right - 1, True, right is not None)
+        for start, stop in panels:
+            for first in (start, start + 1):
+                count = (stop - first + 1) // 2
+                if count < 1:
+                    continue
+                x, w = _gauss_for_sums(count)
+                h = first + 2 * x
+                # t in [tau_j - 1, N - 1] and t - h in [tau_k - 1, N - 1]
+                pairs = np.minimum(num_samples - 1, num_samples - 1 + h) - np.maximum(tau[j] - 1, tau[k] - 1 + h) + 1
+                same = np.ones_like(h)
+                parity = same if first % 2 == 0 else -same
+                parts.append((h, parity, n_j * same, n_k * same, w * pairs / (M[j] * M[k]), pair * same))
+    columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
+    return LagQuadrature(*columns[:-1], pair=columns[-1].astype(np.int32))
+
+
+def wv_covariance(model: Composite, num_samples: int, num_levels: int | None = None) -> Float[Array, "J J"]:
+    """Covariance matrix of the Haar MODWT wavelet variance of a record of N samples.
+
+    Parameters
+    ----------
+    model
+        All parameters given; Gaussian (for QN, which is not, an approximation).
+    num_samples, num_levels
+        N, and J, by default floor(log2 N) - 1.
+
+    Returns
+    -------
+    Cov(nu_j, nu_k) in u^4. Pure in the parameters of the model: jit, grad and vmap it.
+
+    Raises
+    ------
+    ValueError
+        A parameter without value; too short a record.
+    """
+    require_x64()
+    J = check_num_levels(num_samples, num_levels)
+    for process in model.processes:
+        process.require_complete()
+    return _covariance(model, LagQuadrature(*map(jnp.asarray, lag_quadrature(num_samples, J))), J)
+
+
+def _covariance_of_pairs(model: Composite, q: LagQuadrature, J: int) -> Float[Array, "J J"]:
+    gamma = jnp.zeros_like(q.lag)
+    mu_j, mu_k = jnp.zeros_like(q.lag), jnp.zeros_like(q.lag)
+    for p in model.processes:
+        gamma = gamma + p.amplitude * p.unit_haar_covariance(p.shape, q.lag, q.parity, q.n_j, q.n_k)
+        mu_j = mu_j + jnp.sqrt(p.amplitude) * p.unit_haar_mean(q.n_j)
+        mu_k = mu_k + jnp.sqrt(p.amplitude) * p.unit_haar_mean(q.n_k)
+    terms = q.weight * (2 * gamma * gamma + 4 * mu_j * mu_k * gamma)
+    num_pairs = J * (J + 1) // 2
+    sums = jax.ops.segment_sum(terms, q.pair, num_segments=num_pairs, indices_are_sorted=True)
+    rows, columns = np.tril_indices(J)
+    return jnp.zeros((J, J)).at[rows, columns].set(sums).at[columns, rows].set(sums)
+
+
+_covariance = jax.jit(_covariance_of_pairs, static_argnums=2)
