@@ -29,7 +29,7 @@ def solve_passive(G: Float[Array, "P P"], b: Float[Array, " P"], passive: Bool[A
     """
     f = passive.astype(G.dtype)
     num = b.shape[0]
-    rows = jnp.concatenate([G * f[:, None] * f + jnp.diag(1 - f + _RIDGE), (b * f)[:, None]], axis=1)
+    rows = jnp.concatenate([G * f[:, None] * f[None, :] + jnp.diag(1 - f + _RIDGE), (b * f)[:, None]], axis=1)
     for i in range(num):
         pivot = rows[i] / rows[i, i]
         rows = (rows - rows[:, i : i + 1] * pivot[None, :]).at[i].set(pivot)

@@ -131,7 +131,7 @@ def _project(layout: Layout, design: Float[Array, "J P"], data: Data) -> _Projec
         return _Projection(y, data.amplitudes, design[:, :0], empty, jnp.zeros(0, dtype=bool))
     columns = design[:, free]
     length = jnp.sqrt(jnp.sum(columns * columns, axis=0))
-    B = columns / length
+    B = columns / length[None, :]
     G, b = B.T @ B, B.T @ y
     passive = passive_set(G, b, jnp.sqrt(jnp.sum(y * y)))
     x = solve_passive(G, b, passive)

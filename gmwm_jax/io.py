@@ -1,7 +1,7 @@
-"""Recordings from files and back: NumPy, text, Parquet and R data.
+"""Recordings from files and back: NumPy, Parquet, R data and text.
 
-Every format is opened as a `_Table`: names, number of columns, what the file states of itself, and a way to load chosen
-columns. The rest (choice of columns, rate, units) is the same for all of them.
+Each format is opened as a `_Table`: its columns' names and number, what the file states of itself, and a way to load
+some of the columns. The rest (choice of columns, rate, units) is the same for all formats.
 """
 
 import codecs
@@ -23,15 +23,12 @@ from gmwm_jax._known_files import KNOWN_FILES, recognise
 from gmwm_jax._typing import FloatLike, Names
 from gmwm_jax.recording import Recording, rate_of_time
 
-_TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", "")
+_TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
 _SAVED = ("data", "rate", "channels", "units", "name")
 _RATE_TOLERANCE = 0.01
-Column = int | str
 
 
 class _Table(NamedTuple):
-    """An opened file."""
-
     names: tuple[str, ...] | None
     count: int
     load: Callable[[list[int]], Sequence[np.ndarray]]
@@ -47,8 +44,8 @@ def read_recording(
     rate: FloatLike | None = None,
     units: str | Sequence[str] | Mapping[str, str] | None = None,
     channels: Names | None = None,
-    columns: Sequence[Column] | None = None,
-    time: Column | None = None,
+    columns: Sequence[int | str] | None = None,
+    time: int | str | None = None,
     time_unit: str = "s",
     delimiter: str | None = None,
     header: int | None = None,
@@ -58,34 +55,34 @@ def read_recording(
     """Read a recording from a file; its suffix tells the format.
 
     Formats: ``.npy``, ``.npz``, ``.parquet``, R data (``.rda``, ``.rdata``) and text (``.csv``, ``.tsv``, ``.txt``,
-    ``.dat``, ``.log``, ``.asc``). Names found in a file are made plain: ``Gyro. X`` becomes ``gyro_x``. Public files that
-    are recognised by their content (`gmwm_jax.datasets`) need no further argument, nor does what `save_recording` wrote.
+    ``.dat``, ``.log``, ``.asc``; comments start with ``#`` or ``%``). Names in a file are made plain: ``Gyro. X`` is
+    ``gyro_x``. What `save_recording` wrote and the public files of `gmwm_jax.datasets`, recognised by their content,
+    need no further argument.
 
     Parameters
     ----------
     path
         The file.
     rate
-        Sampling rate in Hz; not needed where the file states it or has a column of time. It is never guessed.
+        Sampling rate in Hz; needed unless the file states it or has a column of time. It is never guessed.
     units
         Unit of the samples in the file, see `Recording.from_array`.
     channels
-        Names for the channels that are read, in place of those in the file.
+        Names of the channels that are read, in place of those in the file.
     columns
-        The columns to read, by name or number (from 0). Default: all but that of time.
+        The columns to read, by name or number (from 0); default: all but that of time.
     time
-        The column that holds time, by name or number. It must increase in even steps.
+        The column of time, by name or number. It must increase in even steps.
     time_unit
-        Unit of that column: ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``. Timestamps of Parquet need none.
+        Unit of that column: ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; timestamps need none.
     delimiter
-        Of a text file; found among comma, semicolon, tab and blanks unless given.
+        Of a text file; default: found among semicolon, tab, comma and blanks.
     header
-        Number of lines before the data of a text file; one line of names is found unless given. Comment lines start
-        with ``#`` or ``%``.
+        Number of lines of a text file to skip; default: comments and at most one line of names.
     name
         Name of the recording; default: the file name.
     variable
-        The object to read from an ``.npz`` or R file that holds several.
+        The object to read, where an ``.npz`` or R file holds several.
 
     Raises
     ------
@@ -94,13 +91,17 @@ def read_recording(
     ImportError
         Parquet and R data need the extra ``io``.
     ValueError
-        Anything in the file that is no regular numeric series, a rate or unit that is missing or contradicts the file,
-        or a corrupt file. The message starts with the path.
+        A file that is corrupt or no regular numeric series; a rate or unit that is missing or contradicts the file.
     """
     file = Path(path)
     _require_file(file)
     try:
         table = _open(file, delimiter, header, variable)
+        known = recognise(file) if units is None and table.units is None else None
+        if known is not None:
+            table = table._replace(rate=table.rate or known.rate, units=known.units)
+        elif units is not None and table.units is not None:
+            raise ValueError(f"The file states its units ({', '.join(table.units)}): leave out units=...")
         timed = None if time is None else _position(time, table)
         wanted = range(table.count) if columns is None else [_position(column, table) for column in columns]
         picked = [i for i in wanted if i != timed]
@@ -108,15 +109,12 @@ def read_recording(
             raise ValueError("No column is left to read besides that of time.")
         loaded = list(table.load(picked if timed is None else [*picked, timed]))
         timed_rate = None if timed is None else rate_of_time(loaded.pop(), time_unit)
-        known = recognise(file) if units is None and table.units is None else None
-        stated = table._replace(rate=table.rate or known.rate, units=known.units) if known else table
-        if channels is None and table.names is not None:
-            channels = [table.names[i] for i in picked]
+        labels = [table.names[i] if table.names else f"column {i}" for i in picked]
         return Recording.from_array(
-            _stack(loaded, [_label(i, table) for i in picked]),
-            rate=_agreed_rate({"rate=": rate, "the file": stated.rate, "its column of time": timed_rate}),
-            units=_agreed_units(units, stated.units, picked),
-            channels=channels,
+            _stack(loaded, labels),
+            rate=_agreed_rate({"rate=": rate, "the file": table.rate, "the column of time": timed_rate}),
+            units=[table.units[i] for i in picked] if table.units else units,
+            channels=labels if channels is None and table.names else channels,
             name=name or table.title or file.stem,
         )
     except ValueError as error:
@@ -137,9 +135,10 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     if file.suffix.lower() != ".npz":
         raise ValueError(f"Recordings are saved as .npz, and the path is {file}.")
     part = file.with_name(f".{file.name}.{os.getpid()}.part")
+    arrays: dict[str, Any] = {key: np.asarray(getattr(recording, key)) for key in _SAVED}
     try:
         with part.open("wb") as stream:
-            np.savez(stream, **{key: np.asarray(getattr(recording, key)) for key in _SAVED})
+            np.savez(stream, **arrays)
         os.replace(part, file)
     finally:
         part.unlink(missing_ok=True)
@@ -151,22 +150,17 @@ def import_optional(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        package = module.partition(".")[0]
-        raise ImportError(f'This needs the package {package}: pip install "gmwm-jax[io]"') from error
+        raise ImportError(f'This needs the package {module.split(".")[0]}: pip install "gmwm-jax[io]"') from error
 
 
 def _require_file(file: Path) -> None:
     if file.is_file():
         return
-    public = next((known.name for known in KNOWN_FILES if known.file == file.name), None)
-    if public is not None:
-        hint = f"It is a public data set: gmwm_jax.datasets.load({public!r}) fetches it."
-    elif not file.parent.is_dir():
-        hint = f"There is no folder {file.parent.resolve()}."
-    else:
-        near = difflib.get_close_matches(file.name, os.listdir(file.parent))
-        hint = f"Near it: {', '.join(near)}." if near else f"Nothing like it is in {file.parent.resolve()}."
-    raise FileNotFoundError(f"No file {file}. {hint}")
+    near = difflib.get_close_matches(file.name, os.listdir(file.parent)) if file.parent.is_dir() else []
+    public = [known.name for known in KNOWN_FILES if known.file == file.name]
+    hint = f" Files of a similar name are there: {', '.join(near)}." if near else ""
+    hint += f" gmwm_jax.datasets.load({public[0]!r}) fetches this public data set." if public else ""
+    raise FileNotFoundError(f"There is no file {file.resolve()}.{hint}")
 
 
 def _open(file: Path, delimiter: str | None, header: int | None, variable: str | None) -> _Table:
@@ -179,10 +173,7 @@ def _open(file: Path, delimiter: str | None, header: int | None, variable: str |
             return _open_r(file, variable)
         case suffix if suffix in _TEXT:
             return _open_text(file, delimiter, header)
-    raise ValueError(f"Unknown suffix {file.suffix!r}. Read are .npy, .npz, .parquet, .rda, .rdata, {', '.join(_TEXT)}")
-
-
-# What all formats share
+    raise ValueError(f"Unknown suffix {file.suffix!r}; read are .npy .npz .parquet .rda .rdata {' '.join(_TEXT)}")
 
 
 @contextmanager
@@ -199,80 +190,64 @@ def _parsing(kind: str) -> Iterator[None]:
         ) from error
 
 
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
-
-
 def _plain_names(names: Sequence[Any]) -> tuple[str, ...]:
-    return tuple(_plain(str(name)) or f"column_{i}" for i, name in enumerate(names))
+    plain = (re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_") for name in names)
+    return tuple(name or f"column_{i}" for i, name in enumerate(plain))
 
 
-def _label(position: int, table: _Table) -> str:
-    return f"column {position}" if table.names is None else f"column {position} ({table.names[position]})"
-
-
-def _position(column: Column, table: _Table) -> int:
+def _position(column: int | str, table: _Table) -> int:
     """Return the number of a column given by name or number."""
+    names = table.names or ()
     if isinstance(column, str):
-        names = table.names or ()
-        for written in (column, _plain(column)):
-            if written in names:
-                return names.index(written)
-        seen = f"has {', '.join(names)}" if names else f"names none of its {table.count} columns: give a number"
-        raise ValueError(f"There is no column {column!r}; the file {seen}.")
-    if 0 <= column < table.count:
+        for name in (column, *_plain_names([column])):
+            if name in names:
+                return names.index(name)
+    elif 0 <= column < table.count:
         return column
-    raise ValueError(f"There is no column {column}; the file has {table.count}, numbered from 0.")
+    seen = f": {', '.join(names)}" if names else " without names"
+    raise ValueError(f"There is no column {column!r}; the file has {table.count}, numbered from 0{seen}.")
 
 
-def _stack(columns: Sequence[np.ndarray], labels: list[str]) -> np.ndarray:
+def _only(names: Sequence[str], variable: str | None) -> str:
+    """Return the variable that is asked for, or the only one."""
+    if variable in names or (variable is None and len(names) == 1):
+        return variable or names[0]
+    asked = "variable=... is needed to choose one" if variable is None else f"there is no variable {variable!r}"
+    raise ValueError(f"The file holds {len(names)} variables ({', '.join(names)}); {asked}.")
+
+
+def _stack(columns: Sequence[np.ndarray], labels: Sequence[str]) -> np.ndarray:
     """Put columns side by side, or name the one that is not numeric."""
     for column, label in zip(columns, labels, strict=True):
         if column.dtype.kind not in "iuf":
             raise ValueError(
-                f"{label} holds {column.dtype} ({column[:1].tolist()} ...), not numbers: leave it out by columns=..."
+                f"Column {label!r} holds {column.dtype} ({column[:1].tolist()} ...), not numbers: leave it out."
             )
     return np.stack(columns).T
 
 
 def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
-    """Return the rate of the first source that has one; the others must agree with it."""
+    """Return the rate of the first source that states one; the others must agree with it."""
     rates = {source: sampling_rate(rate) for source, rate in sources.items() if rate is not None}
     if not rates:
         raise ValueError(
-            "The sampling rate is missing: give rate=... in Hz, or time=... to name the column of time. The file states "
-            "none, and it is never guessed."
+            "The sampling rate is missing and the file states none: give rate=... in Hz, or time=... to name the column"
+            " of time. It is never guessed."
         )
     (first, rate), *others = rates.items()
     for source, other in others:
         if abs(other / rate - 1) > _RATE_TOLERANCE:
-            raise ValueError(
-                f"Wrong rate: {first} says {rate:g} Hz and {source} says {other:g} Hz. If time is the one that is wrong, "
-                "look at time_unit."
-            )
+            raise ValueError(f"Wrong rate (or time_unit): {first} says {rate:g} Hz, and {source} {other:g} Hz.")
     return rate
 
 
-def _agreed_units(given: Any, stated: tuple[str, ...] | None, picked: list[int]) -> Any:
-    if stated is None:
-        return given
-    if given is not None:
-        raise ValueError(f"The file states its units ({', '.join(stated)}): leave out units=...")
-    return [stated[i] for i in picked]
-
-
-# NumPy
-
-
-def _matrix(values: Any, names: Sequence[Any] | None = None, **stated: Any) -> _Table:
+def _matrix(values: np.ndarray, names: Sequence[Any] | None = None, rate: float | None = None) -> _Table:
     """Make a table of a vector or matrix."""
-    if isinstance(values, np.ma.MaskedArray):  # R's NA among integers
-        values = values.astype(np.float64).filled(np.nan)
     if values.ndim not in (1, 2):
         raise ValueError(f"A recording has the shape (N,) or (N, C), time on axis 0, and this one {values.shape}.")
-    columns = values.reshape(len(values), -1) if values.ndim == 1 else values
+    columns = values[:, None] if values.ndim == 1 else values
     plain = None if names is None else _plain_names(names)
-    return _Table(plain, columns.shape[1], lambda picked: [columns[:, i] for i in picked], **stated)
+    return _Table(plain, columns.shape[1], lambda picked: [columns[:, i] for i in picked], rate)
 
 
 def _open_numpy(file: Path, variable: str | None) -> _Table:
@@ -288,18 +263,7 @@ def _open_numpy(file: Path, variable: str | None) -> _Table:
     if not saved:
         return _matrix(data)
     rate, channels, units, name = (value.tolist() for value in rest)
-    return _matrix(data, rate=rate, units=tuple(units), title=name)._replace(names=tuple(channels))
-
-
-def _only(names: Sequence[str], variable: str | None) -> str:
-    """Return the variable that is asked for, or the only one."""
-    if variable in names or (variable is None and len(names) == 1):
-        return variable or names[0]
-    seen = f"no variable {variable!r}" if variable else f"{len(names)} variables and needs variable=..."
-    raise ValueError(f"The file has {seen}; it holds: {', '.join(names)}.")
-
-
-# Parquet and R
+    return _matrix(data, rate=rate)._replace(names=tuple(channels), units=tuple(units), title=name)
 
 
 def _open_parquet(file: Path) -> _Table:
@@ -329,59 +293,43 @@ def _open_r(file: Path, variable: str | None) -> _Table:
         objects = rdata.conversion.convert(parsed, constructor_dict=constructors)
     found = objects[_only(list(objects), variable)]
     value, attributes = found if isinstance(found, tuple) else (found, {})
-    stated = {"rate": float(attributes["freq"][0])} if "freq" in attributes else {}
-    if hasattr(value, "columns"):  # a data frame
-        return _Table(
-            _plain_names(value.columns),
-            len(value.columns),
-            lambda picked: [_series_values(value.iloc[:, i]) for i in picked],
-        )
+    rate = float(attributes["freq"][0]) if "freq" in attributes else None
+    if hasattr(value, "iloc"):  # a data frame
+        names = _plain_names(value.columns)
+        return _Table(names, len(names), lambda picked: [np.asarray(value.iloc[:, i]) for i in picked])
     if hasattr(value, "coords"):  # an array with names along some of its axes
         names = value.coords.get(value.dims[1]) if value.ndim == 2 else None
-        return _matrix(value.values, None if names is None else names.values, **stated)
+        return _matrix(value.values, None if names is None else names.values, rate)
+    if isinstance(value, np.ma.MaskedArray):  # NA among integers
+        value = np.ma.filled(value.astype(np.float64), np.nan)
     if isinstance(value, np.ndarray):
-        return _matrix(value, **stated)
+        return _matrix(value, rate=rate)
     raise ValueError(f"The R object is a {type(value).__name__}, and no numeric vector, matrix or data frame.")
 
 
-def _series_values(series: Any) -> np.ndarray:
-    numeric = series.dtype.kind in "iuf"
-    return series.to_numpy(np.float64, na_value=np.nan) if numeric else np.asarray(series)
-
-
-# Text
-
-
 def _open_text(file: Path, delimiter: str | None, header: int | None) -> _Table:
-    encoding = _encoding(file)
+    with file.open("rb") as stream:  # Latin-1 reads any file, and numbers are ASCII
+        encoding = "utf-8-sig" if stream.read(3) == codecs.BOM_UTF8 else "latin-1"
     with file.open(encoding=encoding) as stream:
         head, line = _head(stream, delimiter, header)
-    comment = next((text[0] for text in head if _is_comment(text)), "#")
+    comment = next((text.lstrip()[0] for text in head if _is_comment(text)), "#")
     first = line.partition(comment)[0]
     separator = delimiter or _sniff(first)
     count = len(_split(first, separator))
     names = _names(head, separator, count)
-    titles = [text for text in head if text.strip() and not _is_comment(text)]
-    if header is None and titles and names is None:
-        raise ValueError(
-            f"The line of names {titles[0]!r} does not match the {count} columns of the first line of data. Skip it by "
-            f"header={len(head)} and give channels=..."
-        )
 
     def rows() -> Iterator[tuple[int, list[str]]]:
         with file.open(encoding=encoding) as stream:
             for number, line in enumerate(stream, start=1):
-                text = line.partition(comment)[0]
+                text = line.partition(comment)[0].rstrip("\r\n")
                 if number > len(head) and text.strip():
                     yield number, _split(text, separator)
 
     def load(picked: list[int]) -> list[np.ndarray]:
         whole = len(set(picked)) == count
+        layout: Any = {"delimiter": separator, "comments": comment, "quotechar": '"', "encoding": encoding}
         try:
-            values = np.loadtxt(
-                file, delimiter=separator, comments=comment, skiprows=len(head), ndmin=2, encoding=encoding,
-                quotechar='"', usecols=None if whole else picked,
-            )  # fmt: skip
+            values = np.loadtxt(file, skiprows=len(head), ndmin=2, usecols=None if whole else picked, **layout)
         except ValueError:
             _check_rows(rows(), count, picked)
             raise
@@ -390,15 +338,12 @@ def _open_text(file: Path, delimiter: str | None, header: int | None) -> _Table:
         _check_rows(rows(), count, [])  # loadtxt does not count the fields of a line when it leaves some out
         return list(values.T)
 
+    if header is None and names is None and any(text.strip() and not _is_comment(text) for text in head):
+        raise ValueError(
+            f"The line of names does not match the {count} columns of the first line of data. Skip it by "
+            f"header={len(head)} and give channels=..."
+        )
     return _Table(names, count, load)
-
-
-def _encoding(file: Path) -> str:
-    """Tell the encoding by the byte-order mark; else Latin-1, which reads any file, as numbers are ASCII."""
-    with file.open("rb") as stream:
-        start = stream.read(3)
-    marks = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-    return next((encoding for mark, encoding in marks.items() if start.startswith(mark)), "latin-1")
 
 
 def _head(stream: Iterator[str], delimiter: str | None, header: int | None) -> tuple[list[str], str]:
@@ -408,8 +353,7 @@ def _head(stream: Iterator[str], delimiter: str | None, header: int | None) -> t
     for line in stream:
         text = line.rstrip("\r\n")
         if len(head) >= (header or 0) and text.strip() and not _is_comment(text):
-            fields = _split(text, delimiter or _sniff(text))
-            if named or any(map(_is_number, fields)):
+            if named or any(map(_is_number, _split(text, delimiter or _sniff(text)))):
                 return head, text
             named = True
         head.append(text)
@@ -417,12 +361,11 @@ def _head(stream: Iterator[str], delimiter: str | None, header: int | None) -> t
 
 
 def _names(head: list[str], separator: str | None, count: int) -> tuple[str, ...] | None:
-    """Find the names: a line before the data with a text for each column; commented lines come second."""
+    """Find the names: the line before the data that has a text for each column; comments come second, last first."""
     plain = [text for text in head if not _is_comment(text)]
-    commented = [text.lstrip("#% \t") for text in reversed(head) if _is_comment(text)]
-    candidates = [_split(text, separator) for text in plain + commented]
-    fitting = (f for f in candidates if len(f) == count and any(f) and not any(map(_is_number, f)))
-    return next((_plain_names(fields) for fields in fitting), None)
+    comments = [text.lstrip("#% \t") for text in reversed(head) if _is_comment(text)]
+    rows = [_split(text, separator) for text in plain + comments]
+    return next((_plain_names(r) for r in rows if len(r) == count and any(r) and not any(map(_is_number, r))), None)
 
 
 def _is_comment(text: str) -> bool:
@@ -434,7 +377,7 @@ def _sniff(text: str) -> str | None:
 
 
 def _split(text: str, separator: str | None) -> list[str]:
-    fields = next(csv.reader([text], delimiter=separator), []) if separator and '"' in text else text.split(separator)
+    fields = next(csv.reader([text], delimiter=separator)) if separator and '"' in text else text.split(separator)
     return [field.strip().strip('"') for field in fields]
 
 
@@ -448,15 +391,12 @@ def _is_number(field: str) -> bool:
 
 def _check_rows(rows: Iterator[tuple[int, list[str]]], count: int, picked: list[int]) -> None:
     """Raise at the first line of data that has another number of fields, or no number where one is needed."""
-    for number, fields in rows:
+    for line, fields in rows:
         if len(fields) != count:
-            raise ValueError(
-                f"Line {number} has {len(fields)} fields, and the first line of data has {count}: {fields[:8]}. Mend or cut "
-                "the line."
-            )
+            raise ValueError(f"Line {line} has {len(fields)} fields, and the first line of data {count}: {fields}")
         for i in picked:
             if not fields[i]:
-                raise ValueError(f"Line {number}, column {i} is empty: fill or cut it, or leave the column out.")
+                raise ValueError(f"Line {line}, column {i} is empty: repair the line or leave the column out.")
             if not _is_number(fields[i]):
-                hint = " Decimal commas must become points." if _is_number(fields[i].replace(",", ".")) else ""
-                raise ValueError(f"Line {number}, column {i} holds the text {fields[i]!r}, and no number.{hint}")
+                hint = " Write decimal commas as points." if _is_number(fields[i].replace(",", ".")) else ""
+                raise ValueError(f"Line {line}, column {i} holds the text {fields[i]!r}, not a number.{hint}")

@@ -58,8 +58,8 @@ class Recording:
         _check_names(self.channels, self.num_channels)
         if len(self.units) != self.num_channels or not set(self.units) <= set(_SI_SIGNALS):
             raise ValueError(
-                f"A recording has one of the units {', '.join(_SI_SIGNALS)} for each of its {self.num_channels} channels,"
-                f" and was given {self.units}: Recording.from_array converts other units."
+                f"Each of the {self.num_channels} channels has one of the units {', '.join(_SI_SIGNALS)}, and they are "
+                f"{self.units}: Recording.from_array converts others."
             )
         for name, samples in self.items():
             finite_record(samples, f"channel {name!r}")

@@ -42,7 +42,8 @@ def start_coordinates(
         while num > count and math.comb(num, count) > budget:
             num -= 1
         choices.append(list(itertools.combinations(kind.start_nodes(tau_max, num), count)))
-    starts = np.array([sum(parts, ()) for parts in itertools.product(*choices)]).reshape(-1, len(kinds))
+    placements = [sum(parts, ()) for parts in itertools.product(*choices)]
+    starts = np.array(placements).reshape(len(placements), len(kinds))
     if key is None:
         return starts
     return starts + np.asarray(jax.random.uniform(key, starts.shape, minval=-1.0, maxval=1.0))

@@ -157,6 +157,11 @@ class AbstractProcess(eqx.Module):
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
+    def limit_of(cls, shape: tuple[Any, ...], tau_max: float) -> str:
+        """What a process of this shape cannot be told from on spans up to tau_max; "" if it is itself."""
+        return ""
+
+    @classmethod
     def start_nodes(cls, tau_max: float, num: int) -> tuple[float, ...]:
         """Coordinates at which a search over records with spans up to tau_max starts."""
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")

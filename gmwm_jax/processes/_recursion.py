@@ -41,4 +41,4 @@ def first_order_recursion(
     inside = blocks @ toeplitz.T
     ends = first_order_recursion(powers[_BLOCK], inside[:, -1], start)
     before = jnp.concatenate([jnp.asarray(start, dtype=e.dtype)[None], ends[:-1]])
-    return (inside + before[:, None] * powers[1:]).reshape(-1)[:num]
+    return (inside + before[:, None] * powers[None, 1:]).reshape(-1)[:num]

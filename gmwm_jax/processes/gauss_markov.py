@@ -41,6 +41,9 @@ from gmwm_jax.processes._recursion import first_order_recursion
 # Beyond these the process is a random walk (beta tau -> 0) or white noise (phi -> 0) to all digits a fit can see.
 _SMALLEST_BETA_TAU = 1e-9
 _LARGEST_BETA = 50.0
+# Nearer to those ends than this, a fit reports the limit: the wavelet variance differs from it by less than 1 %.
+_RANDOM_WALK_BETA_TAU = 1e-2
+_WHITE_NOISE_BETA = 6.0
 
 
 def _wavelet_variance_over_beta(beta: Any, tau: Any) -> Any:
@@ -125,6 +128,12 @@ class GM(AbstractProcess):
     @classmethod
     def coordinate_bounds(cls, tau_max):  # noqa: D102
         return math.log(_SMALLEST_BETA_TAU / tau_max), math.log(_LARGEST_BETA)
+
+    @classmethod
+    def limit_of(cls, shape, tau_max):  # noqa: D102
+        if shape[0] > _WHITE_NOISE_BETA:
+            return "white noise"
+        return "random walk" if shape[0] * tau_max < _RANDOM_WALK_BETA_TAU else ""
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102
@@ -220,6 +229,10 @@ class AR1(AbstractProcess):
         smallest_d = max(_SMALLEST_BETA_TAU / tau_max, 1e-14)
         # at phi -> -1 the process alternates: nothing below 1 - |phi| = 1e-6 is a sensor's noise
         return -math.log(2e6), math.log(2 / smallest_d)
+
+    @classmethod
+    def limit_of(cls, shape, tau_max):  # noqa: D102
+        return "random walk" if (1 - shape[0]) * tau_max < _RANDOM_WALK_BETA_TAU else ""
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102

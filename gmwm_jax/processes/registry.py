@@ -15,7 +15,7 @@ PROCESSES: dict[str, type[AbstractProcess]] = {cls.kind: cls for cls in (WN, QN,
 """By their name in a model text."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_TERM = re.compile(r"\s*(?:(?P<count>\d+)\s*\*\s*)?(?P<kind>[A-Za-z]\w*)\s*(?:\((?P<arguments>[^()]*)\))?\s*")
+_TERM = re.compile(r"\s*(?:(?P<count>\d+)\s*\*?\s*)?(?P<kind>[A-Za-z]\w*)\s*(?:\((?P<arguments>[^()]*)\))?\s*")
 _ARGUMENT = re.compile(rf"\s*(?P<name>\w+)\s*=\s*(?P<value>{_NUMBER})\s*(?P<fixed>fixed)?\s*")
 
 

@@ -1,0 +1,247 @@
+"""`fit`: from a wavelet variance and a model to its estimates, all channels at once."""
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from gmwm_jax._check import require_x64, sampling_rate
+from gmwm_jax._typing import PRNGKey
+from gmwm_jax.estimate import Data, Layout, Solution, minimise
+from gmwm_jax.processes._base import AbstractProcess, Composite
+from gmwm_jax.processes._parameter import Fixed
+from gmwm_jax.processes.registry import as_model
+from gmwm_jax.recording import Recording
+from gmwm_jax.result import ZERO, Fit, Fits, Status
+from gmwm_jax.start import start_coordinates
+from gmwm_jax.variance import WaveletVariance, wavelet_variance
+
+
+def fit(
+    data: WaveletVariance | Recording,
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    omega: Any = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> Any:
+    """Fit a model to a wavelet variance by the Generalized Method of Wavelet Moments.
+
+    Parameters
+    ----------
+    data
+        The wavelet variance of one or several channels, or a recording.
+    model
+        ``"WN + RW + 2*GM"`` or a sum of processes. Values in it are starting values (of correlation times; amplitudes
+        are solved for exactly and need none), or held if they are marked as fixed.
+    rate
+        Sampling rate in Hz, if the data do not know theirs; without one there are no continuous-time tables.
+    omega
+        Weights: None for 1/(ci_high - ci_low)^2 on the diagonal, the choice of R's simts, so that objectives compare;
+        or a vector (J,), the diagonal; or a positive definite matrix (J, J).
+    key
+        Moves the starting points at random. The result should not depend on it; to check that is its use.
+    level
+        Confidence of the intervals.
+    throw
+        Raise if the search does not converge; False returns the fit with its status.
+
+    Returns
+    -------
+    Fit for one channel, Fits for several.
+
+    Raises
+    ------
+    ValueError
+        More free parameters than scales, unknown process, bad weights, a rate that disagrees with the data.
+    RuntimeError
+        x64 is off, or (with `throw`) a search that did not converge.
+
+    Notes
+    -----
+    Deterministic: the starting points do not depend on chance unless a key is given. See `gmwm_jax.estimate` for the
+    method. The same model on the same number of scales, channels and starts compiles once.
+    """
+    require_x64()
+    wv = wavelet_variance(data) if isinstance(data, Recording) else data
+    model = as_model(model)
+    rate = _common_rate(wv.rate, rate)
+    if model.num_free > wv.num_scales:
+        raise ValueError(
+            f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "
+            "take a longer record, a smaller model, or hold parameters."
+        )
+    channels = [wv[i] for i in range(len(wv.channels))]
+    omegas = [_weights(omega, channel) for channel in channels]
+    whiteners = np.stack([np.linalg.cholesky(o).T for o in omegas])
+
+    # components with a shape to search for come first, those of a kind together
+    kinds = [type(p) for p in model.processes]
+    order = sorted(range(len(kinds)), key=lambda i: (not _has_free_shape(model.processes[i]), kinds.index(kinds[i])))
+    processes = [model.processes[i] for i in order]
+    layout = Layout(
+        kinds=tuple(type(p) for p in processes),
+        free_shape=tuple(_has_free_shape(p) for p in processes),
+        free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
+    )
+    searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
+    tau_max = float(wv.scales[-1])
+    bounds = np.array([p.coordinate_bounds(tau_max) for p in searched]).reshape(-1, 2)
+    starts = _starts(searched, tau_max, key)
+    held = [0.0 if free else float(p.amplitude) for p, free in zip(processes, layout.free_amplitude, strict=True)]
+    solutions = _minimise_channels(
+        layout,
+        jnp.asarray(starts),
+        jnp.asarray(np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))),
+        jnp.asarray(whiteners),
+        jnp.asarray(wv.scales),
+        jnp.asarray(bounds),
+        tuple(p.shape for p in given),
+        jnp.asarray(held),
+    )
+    solutions = jax.tree.map(np.asarray, solutions)
+    fits = []
+    for c, channel in enumerate(channels):
+        solution = Solution(*(leaf[c] for leaf in solutions))
+        fitted, at_boundary = _assemble(processes, order, layout, solution, tau_max)
+        fits.append(
+            Fit(
+                model=fitted,
+                wv=channel,
+                objective=float(solution.objective),
+                omega=omegas[c],
+                status=_status(solution, float(np.sum((whiteners[c] @ channel.variance) ** 2))),
+                at_boundary=at_boundary,
+                agreement=float(solution.num_agreeing) / len(starts),
+                rate=rate,
+                level=level,
+            )
+        )
+    if throw:
+        for f in fits:
+            if f.status is not Status.converged:
+                raise RuntimeError(f"{f.wv.channels[0]}: {f.status.value}. throw=False returns the fit as it is.")
+    return fits[0] if wv.is_single else Fits(tuple(fits))
+
+
+def objective(
+    wv: WaveletVariance, model: str | AbstractProcess | Composite, *, omega: Any = None
+) -> float:
+    """Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model whose parameters are all given, for one channel.
+
+    Parameters
+    ----------
+    wv
+        Wavelet variance of one channel.
+    model
+        All parameters given.
+    omega
+        Weights, as for `fit`.
+    """
+    residual = wv.variance - np.asarray(as_model(model).wavelet_variance(wv.scales))
+    return float(residual @ _weights(omega, wv) @ residual)
+
+
+@partial(jax.jit, static_argnums=0)
+def _minimise_channels(
+    layout: Layout, starts: Any, y: Any, whitener: Any, tau: Any, bounds: Any, shapes: Any, amplitudes: Any
+) -> Solution:
+    def one(y: Any, whitener: Any) -> Solution:
+        return minimise(layout, starts, Data(y, whitener, tau, bounds, shapes, amplitudes))
+
+    return jax.vmap(one)(y, whitener)
+
+
+def _has_free_shape(p: AbstractProcess) -> bool:
+    return any(q.name not in p.fixed for q in p.parameters[:-1])
+
+
+def _starts(searched: list[AbstractProcess], tau_max: float, key: PRNGKey | None) -> Float[np.ndarray, "S K"]:
+    """The nodes, and once more with the starting values that the model gives."""
+    starts = start_coordinates(tuple(type(p) for p in searched), tau_max, key)
+    given = {k: float(p.coordinate_from_shape(p.shape)) for k, p in enumerate(searched) if None not in p.shape}
+    if not given:
+        return starts
+    moved = starts.copy()
+    for k, coordinate in given.items():
+        moved[:, k] = coordinate
+    return np.concatenate([moved, starts])
+
+
+def _assemble(
+    processes: list[AbstractProcess],
+    order: list[int],
+    layout: Layout,
+    solution: Solution,
+    tau_max: float,
+) -> tuple[Composite, dict[str, str]]:
+    """The model with its estimates in the user's order, a kind's components by correlation time, and what is at a
+    boundary."""
+    fitted: list[tuple[AbstractProcess, str]] = [(p, "") for p in processes]
+    for i, p in enumerate(processes):
+        shape, note = p.shape, ""
+        if layout.free_shape[i]:
+            shape = tuple(float(s) for s in p.shape_from_coordinate(jnp.asarray(solution.coordinates[i])))
+            limit = p.limit_of(shape, tau_max)
+            note = f"at boundary: {limit}" if limit else ""
+        amplitude = float(solution.amplitudes[i])
+        if amplitude == 0 and layout.free_amplitude[i]:
+            note = ZERO
+        values = (*shape, p.value_of(jnp.asarray(amplitude)))
+        named = {q.name: v for q, v in zip(p.parameters, values, strict=True)}
+        build: Any = type(p)
+        fitted[i] = (build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()}), note)
+
+    placed: list[Any] = [None] * len(order)
+    for kind in set(layout.kinds):
+        members = [i for i, k in enumerate(layout.kinds) if k is kind]
+        # fast to slow; what has no variance has no correlation time either, and comes last
+        ranked = sorted((fitted[i] for i in members), key=lambda f: (f[1] == ZERO, _correlation_time(f[0])))
+        for position, member in zip(sorted(order[i] for i in members), ranked, strict=True):
+            placed[position] = member
+    model = Composite([p for p, _ in placed])
+    return model, {label: note for label, (_, note) in zip(model.labels, placed, strict=True) if note}
+
+
+def _correlation_time(p: AbstractProcess) -> float:
+    return float(p.correlation_time(p.shape)) if p.shape else 0.0
+
+
+def _status(solution: Solution, size: float) -> Status:
+    if not np.isfinite(solution.objective):
+        return Status.non_finite
+    # the first-order gain of moving a correlation time by a tenth of its logarithm is below 1e-5 of the objective
+    small = 1e-4 * solution.objective + 1e-10 * size
+    return Status.converged if solution.slope <= small else Status.stalled
+
+
+def _weights(omega: Any, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
+    """Omega as a matrix, checked."""
+    J = wv.num_scales
+    if omega is None:
+        return np.diag(1 / (wv.ci_high - wv.ci_low) ** 2)
+    omega = np.asarray(omega, dtype=np.float64)
+    if omega.shape == (J,):
+        omega = np.diag(omega)
+    if omega.shape != (J, J):
+        raise ValueError(f"omega must have the shape ({J},) or ({J}, {J}), one entry a scale; it has {omega.shape}.")
+    if not np.all(np.isfinite(omega)) or not np.allclose(omega, omega.T, rtol=1e-10, atol=0):
+        raise ValueError("omega must be finite and symmetric.")
+    scale = np.sqrt(np.abs(np.diag(omega)))
+    if np.any(scale == 0) or np.linalg.eigvalsh(omega / np.outer(scale, scale))[0] <= 0:
+        raise ValueError("omega must be positive definite: every eigenvalue above zero.")
+    return omega
+
+
+def _common_rate(known: float | None, given: float | None) -> float | None:
+    if given is None:
+        return known
+    given = sampling_rate(given)
+    if known is not None and known != given:
+        raise ValueError(f"rate={given:g} was given, and the data have {known:g} Hz.")
+    return given

@@ -1,0 +1,381 @@
+"""What a fit is: the estimates, how sure they are, in which units, and how well they describe the data."""
+
+import enum
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from gmwm_jax import units as units_
+from gmwm_jax._check import sampling_rate
+from gmwm_jax._table import format_table, number
+from gmwm_jax.inference import delta_method, normal_quantile, parameter_covariance
+from gmwm_jax.processes._base import Composite
+from gmwm_jax.variance import WaveletVariance
+from gmwm_jax.wv_covariance import wv_covariance
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Status(enum.Enum):
+    """How the search for the minimum ended."""
+
+    converged = "converged"
+    stalled = "stopped at the step limit with a slope left: the objective is close to its minimum, not at it"
+    non_finite = "no finite objective: the wavelet variance or the weights are beyond floating point"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number with its interval."""
+
+    component: str
+    symbol: str
+    value: float
+    unit: str
+    ci_low: float = np.nan
+    ci_high: float = np.nan
+    note: str = ""
+    meaning: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class EstimateTable:
+    """Estimates that print themselves; ``table["GM_1", "q"]`` is one of them."""
+
+    title: str
+    estimates: tuple[Estimate, ...]
+    level: float
+
+    def __getitem__(self, key: tuple[str, str]) -> Estimate:
+        for e in self.estimates:
+            if (e.component, e.symbol) == key:
+                return e
+        known = ", ".join(f"{e.component!r}, {e.symbol!r}" for e in self.estimates)
+        raise KeyError(f"No estimate {key}; there are {known}.")
+
+    def __iter__(self) -> Iterator[Estimate]:
+        return iter(self.estimates)
+
+    def __repr__(self) -> str:
+        """An aligned table."""
+        head = ["component", "quantity", "estimate", f"{100 * self.level:g} % low", "high", "unit", "note"]
+        rows = [
+            [e.component, e.symbol, number(e.value), number(e.ci_low), number(e.ci_high), e.unit, e.note]
+            for e in self.estimates
+        ]
+        return f"{self.title}\n{format_table(head, rows, left=2)}"
+
+
+@dataclass(frozen=True, repr=False)
+class Fit:
+    """A model fitted to the wavelet variance of one channel.
+
+    Attributes
+    ----------
+    model
+        The estimated model, parameters per sample, components of a kind from the shortest correlation time on. A
+        component that the data push to zero stays in it with amplitude 0.
+    wv
+        What it was fitted to.
+    objective
+        Q = (nu_hat - nu)' Omega (nu_hat - nu) at the estimate.
+    omega
+        Omega, shape (J, J).
+    status
+        How the search ended.
+    at_boundary
+        Label of a component -> what became of it: its amplitude is zero, or its correlation time has left the range
+        that the record can show.
+    agreement
+        Share of the starting points from which the search came to this same minimum.
+    rate
+        Hz, None if unknown.
+    """
+
+    model: Composite
+    wv: WaveletVariance
+    objective: float
+    omega: Float[np.ndarray, "J J"]
+    status: Status
+    at_boundary: Mapping[str, str] = field(default_factory=dict)
+    agreement: float = 1.0
+    rate: float | None = None
+    level: float = 0.95
+
+    # -- the fit --------------------------------------------------------------------------------------------------
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return self.wv.units[0]
+
+    @cached_property
+    def fitted(self) -> Float[np.ndarray, " J"]:
+        """nu(theta_hat) at the scales of the data."""
+        return np.asarray(self.model.wavelet_variance(self.wv.scales))
+
+    @property
+    def residuals(self) -> Float[np.ndarray, " J"]:
+        """nu_hat - nu(theta_hat)."""
+        return self.wv.variance - self.fitted
+
+    @cached_property
+    def whitened_residuals(self) -> Float[np.ndarray, " J"]:
+        """L' (nu_hat - nu) with Omega = L L'; the objective is the sum of their squares."""
+        return np.linalg.cholesky(self.omega).T @ self.residuals
+
+    def decomposition(self) -> dict[str, Float[np.ndarray, " J"]]:
+        """The wavelet variance of each component, by label; they add up to `fitted`."""
+        tau = self.wv.scales
+        return {
+            label: np.asarray(p.wavelet_variance(tau))
+            for label, p in zip(self.model.labels, self.model.processes, strict=True)
+        }
+
+    # -- uncertainty ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def active(self) -> tuple[int, ...]:
+        """Positions of the parameters that were estimated and lie inside their range."""
+        positions, at = [], 0
+        for label, p in zip(self.model.labels, self.model.processes, strict=True):
+            note = self.at_boundary.get(label, "")
+            for q in p.parameters:
+                inside = not note or (note != ZERO and q is p.parameters[-1])
+                if inside and q.name not in p.fixed:
+                    positions.append(at)
+                at += 1
+        return tuple(positions)
+
+    @cached_property
+    def wv_covariance(self) -> Float[np.ndarray, "J J"] | None:
+        """Covariance of the wavelet variance under the fitted model; None if the record's length is unknown."""
+        levels = np.arange(1, self.wv.num_scales + 1)
+        if self.wv.num_samples is None or not np.array_equal(self.wv.scales, 2.0**levels):
+            return None
+        return np.asarray(wv_covariance(self.model, self.wv.num_samples, self.wv.num_scales))
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "P P"] | None:
+        """Covariance of the active parameters on the real line (log; logit for phi); None as `wv_covariance`."""
+        if self.wv_covariance is None or not self.active:
+            return None
+        whitener = jnp.asarray(np.linalg.cholesky(self.omega).T)
+        tau, V = jnp.asarray(self.wv.scales), jnp.asarray(self.wv_covariance)
+        return np.asarray(parameter_covariance(self.model, self.active, tau, whitener, V))
+
+    def _errors(self, quantity: Any) -> np.ndarray:
+        """Standard errors of a vector-valued function of the model (hashable, so that it compiles once)."""
+        if self.covariance is None:
+            return np.full(np.shape(quantity(self.model)), np.nan)
+        covariance = jnp.asarray(self.covariance)
+        return np.asarray(delta_method(quantity, self.model, self.active, covariance)[1])
+
+    # -- tables ---------------------------------------------------------------------------------------------------
+
+    def parameters(self) -> EstimateTable:
+        """The parameters per sample, with intervals symmetric on the log (for phi: logit) scale."""
+        z = normal_quantile(self.level)
+        errors = self._errors(_on_the_line)
+        estimates, at = [], 0
+        for label, p in zip(self.model.labels, self.model.processes, strict=True):
+            for q, value in zip(p.parameters, p.values, strict=True):
+                note = self._note(label, p, q.name)
+                low = high = np.nan
+                if at in self.active:
+                    x = q.to_line(value)
+                    low, high = float(q.from_line(x - z * errors[at])), float(q.from_line(x + z * errors[at]))
+                shown = np.nan if note == UNSEEN else float(value)
+                unit = q.unit.format(u=self.unit)
+                estimates.append(Estimate(label, q.name, shown, unit, low, high, note, q.meaning))
+                at += 1
+        return EstimateTable("Parameters per sample", tuple(estimates), self.level)
+
+    def continuous(self, rate: float | None = None) -> EstimateTable:
+        """What a Kalman filter wants: continuous-time quantities in SI.
+
+        WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s], q of the driving noise [u^2/s]
+        and the correlation time 1/beta [s].
+
+        Parameters
+        ----------
+        rate
+            Sampling rate in Hz, if the data do not know theirs.
+        """
+        return self._quantities(
+            "Continuous time, SI",
+            rate,
+            lambda form: (*form.filter, *(q for q in form.datasheet if q.symbol == "tau_c")),
+            lambda quantity: quantity.si_unit(self.unit),
+        )
+
+    def datasheet(self, rate: float | None = None) -> EstimateTable:
+        """The same in the units of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
+        return self._quantities(
+            "Datasheet units", rate, lambda form: form.datasheet, lambda q: q.datasheet_units(self.unit)[0]
+        )
+
+    def _quantities(
+        self,
+        title: str,
+        rate: float | None,
+        choose: Callable[[units_.ContinuousForm], tuple[units_.Quantity, ...]],
+        unit_of: Callable[[units_.Quantity], str],
+    ) -> EstimateTable:
+        f = self._rate(rate)
+        chosen = tuple(choose(units_.CONTINUOUS[p.kind]) for p in self.model.processes)
+        logs = _LogQuantities(chosen, f)
+        values, errors = np.exp(np.asarray(logs(self.model))), self._errors(logs)
+        z, at, estimates = normal_quantile(self.level), 0, []
+        for label, p, quantities in zip(self.model.labels, self.model.processes, chosen, strict=True):
+            for q in quantities:
+                value, error = float(values[at]), float(errors[at])
+                note = self._note(label, p, p.parameters[0 if q.suffix is None else -1].name)
+                if np.isnan(value):
+                    note = "none for phi <= 0"
+                if note == UNSEEN:
+                    value = np.nan
+                si, unit = q.si_unit(self.unit), unit_of(q)
+                value /= 1.0 if unit == si else units_.unit(unit).factor
+                factor = np.exp(z * error) if error > 0 else np.nan
+                estimates.append(Estimate(label, q.symbol, value, unit, value / factor, value * factor, note, q.meaning))
+                at += 1
+        return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), self.level)
+
+    def _rate(self, rate: float | None) -> float:
+        if rate is not None and self.rate is not None and rate != self.rate:
+            raise ValueError(f"rate={rate} was given, and the fit knows {self.rate} Hz.")
+        return sampling_rate(self.rate if rate is None else rate)
+
+    def _note(self, label: str, process: Any, parameter: str | None) -> str:
+        boundary = self.at_boundary.get(label, "")
+        if boundary == ZERO and parameter is not None and parameter != process.parameters[-1].name:
+            return "fixed" if parameter in process.fixed else UNSEEN
+        if boundary:
+            return boundary
+        return "fixed" if parameter in process.fixed else ""
+
+    def summary(self) -> str:
+        """All of it as text."""
+        wv = self.wv
+        samples = f", {wv.num_samples} samples" if wv.num_samples else ""
+        rate = f" at {self.rate:g} Hz" if self.rate else ""
+        free = self.model.num_free
+        lines = [
+            f"GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
+            f"objective {self.objective:.8g} with {free} free parameters on {wv.num_scales} scales; "
+            f"{self.status.value}; {100 * self.agreement:.0f} % of the starts came to this minimum",
+            "",
+            str(self.parameters()),
+        ]
+        if self.rate:
+            lines += ["", str(self.continuous()), "", str(self.datasheet())]
+        if self.covariance is None:
+            lines += ["", "No intervals: the length of the record is not known (give num_samples)."]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers and texts, for JSON; what is not identified is None."""
+
+        def table(t: EstimateTable) -> list[dict[str, Any]]:
+            return [{k: _plain(v) for k, v in vars(e).items()} for e in t]
+
+        result = {
+            "channel": self.wv.channels[0],
+            "unit": self.unit,
+            "rate": self.rate,
+            "num_samples": self.wv.num_samples,
+            "model": " + ".join(p.kind for p in self.model.processes),
+            "objective": self.objective,
+            "status": self.status.value,
+            "agreement": self.agreement,
+            "parameters": table(self.parameters()),
+            "scales": self.wv.scales.tolist(),
+            "variance": self.wv.variance.tolist(),
+            "fitted": self.fitted.tolist(),
+            "components": {k: v.tolist() for k, v in self.decomposition().items()},
+        }
+        if self.rate:
+            result["continuous"] = table(self.continuous())
+            result["datasheet"] = table(self.datasheet())
+        return result
+
+    def plot(self, **options: Any) -> "Figure":
+        """Wavelet variance, fit and components over scale with the residuals below, see `gmwm_jax.plot.plot_fit`."""
+        from gmwm_jax.plot import plot_fit
+
+        return plot_fit(self, **options)
+
+
+@dataclass(frozen=True, repr=False)
+class Fits(Mapping[str, Fit]):
+    """The fits of one model to several channels, by name of the channel."""
+
+    fits: tuple[Fit, ...]
+
+    def __getitem__(self, channel: str | int) -> Fit:
+        if isinstance(channel, int):
+            return self.fits[channel]
+        for f in self.fits:
+            if f.wv.channels[0] == channel:
+                return f
+        raise KeyError(f"No channel {channel!r}; there are {', '.join(self)}.")
+
+    def __iter__(self) -> Iterator[str]:
+        return (f.wv.channels[0] for f in self.fits)
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+    def __repr__(self) -> str:
+        """One row a channel: objective, status and the parameters per sample."""
+        symbols = [f"{e.component}.{e.symbol}" for e in self.fits[0].parameters()]
+        head = ["channel", "unit", "objective", "status", *symbols]
+        rows = [
+            [f.wv.channels[0], f.unit, number(f.objective, 7), f.status.name]
+            + [number(e.value) + ("*" if e.note.startswith("at boundary") else "") for e in f.parameters()]
+            for f in self.fits
+        ]
+        foot = "\n* at its boundary" if any(f.at_boundary for f in self.fits) else ""
+        return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """A panel a channel, see `gmwm_jax.plot.plot_fits`."""
+        from gmwm_jax.plot import plot_fits
+
+        return plot_fits(self, **options)
+
+
+ZERO = "at boundary: zero"
+UNSEEN = "not identified"
+
+
+@dataclass(frozen=True)
+class _LogQuantities:
+    """The logs of continuous-time quantities of all components, as a hashable function of the model."""
+
+    quantities: tuple[tuple[units_.Quantity, ...], ...]
+    rate: float
+
+    def __call__(self, model: Composite) -> Any:
+        pairs = zip(model.processes, self.quantities, strict=True)
+        return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
+
+
+def _on_the_line(model: Composite) -> Any:
+    return model.unconstrained()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
