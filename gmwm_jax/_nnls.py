@@ -30,14 +30,18 @@ def solve_passive(G: Float[Array, "P P"], b: Float[Array, " P"], passive: Bool[A
     f = passive.astype(G.dtype)
     num = b.shape[0]
     rows = jnp.concatenate([G * f[:, None] * f[None, :] + jnp.diag(1 - f + _RIDGE), (b * f)[:, None]], axis=1)
-    for i in range(num):
+
+    def eliminate(i: Array, rows: Array) -> Array:
         pivot = rows[i] / rows[i, i]
-        rows = (rows - rows[:, i : i + 1] * pivot[None, :]).at[i].set(pivot)
-    return rows[:, -1] * f
+        return (rows - rows[:, i][:, None] * pivot[None, :]).at[i].set(pivot)
+
+    return lax.fori_loop(0, num, eliminate, rows)[:, -1] * f
 
 
-def passive_set(G: Float[Array, "P P"], b: Float[Array, " P"], size: Float[Array, ""]) -> Bool[Array, " P"]:
-    """The columns that carry a positive coefficient in the non-negative least-squares solution.
+def solve_nonnegative(
+    G: Float[Array, "P P"], b: Float[Array, " P"], size: Float[Array, ""]
+) -> tuple[Float[Array, " P"], Bool[Array, " P"]]:
+    """Minimise x'G x/2 - b'x over x >= 0.
 
     Parameters
     ----------
@@ -45,26 +49,33 @@ def passive_set(G: Float[Array, "P P"], b: Float[Array, " P"], size: Float[Array
         B'B and B'y for columns of unit length.
     size
         |y|, the scale against which a gradient counts as zero.
+
+    Returns
+    -------
+    x
+        The solution.
+    passive
+        The columns that carry a positive coefficient.
     """
     num = b.shape[0]
     index = jnp.arange(num)
 
-    def infeasible(passive: Array) -> Array:
-        x = solve_passive(G, b, passive)
-        return jnp.where(passive, x < 0, b - G @ x > _TOLERANCE * size)
-
     def unfinished(state: tuple) -> Array:
-        _, wrong, _, _, count = state
+        _, _, wrong, _, _, count = state
         return jnp.any(wrong) & (count < _MAX_EXCHANGES)
 
     def exchange(state: tuple) -> tuple:
-        passive, wrong, fewest, patience, count = state
-        num_wrong = jnp.sum(wrong)
-        patience = jnp.where(num_wrong < fewest, _FULL_EXCHANGES, patience - 1)
+        passive, _, wrong, fewest, patience, count = state
         last = index == jnp.max(jnp.where(wrong, index, -1))
         passive = passive ^ jnp.where(patience > 0, wrong, last)
-        return passive, infeasible(passive), jnp.minimum(fewest, num_wrong), patience, count + 1
+        x = solve_passive(G, b, passive)
+        wrong = jnp.where(passive, x < 0, b - G @ x > _TOLERANCE * size)
+        num_wrong = jnp.sum(wrong)
+        patience = jnp.where(num_wrong < fewest, _FULL_EXCHANGES, patience - 1)
+        return passive, x, wrong, jnp.minimum(fewest, num_wrong), patience, count + 1
 
-    start = jnp.ones(num, dtype=bool)
-    state = (start, infeasible(start), jnp.asarray(num + 1), jnp.asarray(_FULL_EXCHANGES), jnp.asarray(0))
-    return lax.while_loop(unfinished, exchange, state)[0]
+    # the first exchange makes every column passive
+    none = jnp.zeros(num, dtype=bool)
+    start = (none, jnp.zeros(num), ~none, jnp.asarray(num + 1), jnp.asarray(_FULL_EXCHANGES), jnp.asarray(0))
+    passive, x, *_ = lax.while_loop(unfinished, exchange, start)
+    return jnp.maximum(x, 0.0), passive

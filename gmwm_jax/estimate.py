@@ -9,8 +9,9 @@ problem, and what is left is a smooth function of the few shapes alone (variable
     r(u) = y - B(u) c(u),    c(u) = argmin_{c >= 0} |y - B(u) c|.
 
 A component that the data do not want gets exactly zero; nothing crawls along a boundary. Levenberg-Marquardt runs on r
-from many starts at once, and the lowest end is taken. Its Jacobian is Kaufman's (1975): dr = -P dB c, with P the projection
-off the passive columns; the gradient dr' r = -r' dB c is exact, and what is left out of dr is proportional to r.
+from many starts at once (`minimise`), and the lowest end is taken. Its Jacobian is Kaufman's (1975): dr = -P dB c, with P the
+projection off the passive columns; the gradient dr' r = -r' dB c is exact, and what is left out of dr is proportional
+to r.
 """
 
 from typing import NamedTuple
@@ -18,12 +19,15 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
-from gmwm_jax._nnls import passive_set, solve_passive
+from gmwm_jax._nnls import solve_nonnegative, solve_passive
 from gmwm_jax.processes._base import AbstractProcess
 
+NUM_ROUNDS = 2
+NUM_DESCENTS = 12
+"""Descents in a round."""
 _MAX_STEPS = 100
 _TOLERANCE = 1e-9
 
@@ -66,7 +70,7 @@ class Solution(NamedTuple):
     slope: Float[Array, ""]
     """Largest |dQ/du| over the shapes: what moving a correlation time by a factor e would still gain."""
     num_agreeing: Int[Array, ""]
-    """How many starts ended within 1e-6 relative of the minimum."""
+    """How many descents ended within 1e-6 relative of the minimum."""
 
 
 def fold(u: Float[Array, " K"], bounds: Float[Array, "K 2"]) -> Float[Array, " K"]:
@@ -133,9 +137,8 @@ def _project(layout: Layout, design: Float[Array, "J P"], data: Data) -> _Projec
     length = jnp.sqrt(jnp.sum(columns * columns, axis=0))
     B = columns / length[None, :]
     G, b = B.T @ B, B.T @ y
-    passive = passive_set(G, b, jnp.sqrt(jnp.sum(y * y)))
-    x = solve_passive(G, b, passive)
-    amplitudes = data.amplitudes.at[jnp.asarray(free)].set(jnp.maximum(x, 0.0) / length)
+    x, passive = solve_nonnegative(G, b, jnp.sqrt(jnp.sum(y * y)))
+    amplitudes = data.amplitudes.at[jnp.asarray(free)].set(x / length)
     return _Projection(y - B @ x, amplitudes, B, G, passive)
 
 
@@ -161,25 +164,37 @@ def _residual_function(layout: Layout):
     return residual
 
 
-def minimise(layout: Layout, starts: Float[Array, "S K"], data: Data) -> Solution:
-    """Minimise the GMWM objective of one channel over all starts. Pure: jit and vmap it.
+def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "G K"], data: Data) -> Solution:
+    """Find the global minimum of the GMWM objective of one channel. Pure: jit and vmap it.
 
     Parameters
     ----------
     layout
         Components and what is free (static).
-    starts
-        Starting coordinates, see `gmwm_jax.start`; (1, 0) where no shape is free.
+    lattice
+        Placements of the components, see `gmwm_jax.start`; (1, 0) where no shape is free.
+    nodes
+        Coordinates at which single components are tried out afterwards.
     data
         Whitened wavelet variance and held values.
+
+    Notes
+    -----
+    Round 0 evaluates the objective on the whole lattice and descends from the best placements that lie apart. Every
+    further round takes the lowest end so far, moves one component at a time to every node, and descends again: a
+    component that the first round wasted (at zero, or doubling another) finds its place.
     """
     if layout.num_shapes == 0:
         inner = _project(layout, _design(layout, None, data), data)
         objective = jnp.sum(inner.residual * inner.residual)
-        return Solution(starts[0], inner.amplitudes, objective, jnp.zeros(()), jnp.asarray(1))
+        return Solution(lattice[0], inner.amplitudes, objective, jnp.zeros(()), jnp.asarray(1))
 
     residual = jax.jit(_residual_function(layout))
     method = optx.LevenbergMarquardt(rtol=_TOLERANCE, atol=_TOLERANCE)
+
+    def value(u: Array) -> Array:
+        r, _ = residual(u, data)
+        return jnp.sum(r * r)
 
     def descend(start: Array) -> Solution:
         end = optx.least_squares(residual, method, start, args=data, has_aux=True, max_steps=_MAX_STEPS, throw=False)
@@ -189,7 +204,42 @@ def minimise(layout: Layout, starts: Float[Array, "S K"], data: Data) -> Solutio
         slope = jnp.max(jnp.abs(2 * r @ jac))
         return Solution(fold(end.value, data.bounds), end.aux, objective, slope, jnp.asarray(1))
 
-    ends = jax.vmap(descend)(starts)
-    best = jnp.argmin(ends.objective)
-    num_agreeing = jnp.sum(ends.objective <= ends.objective[best] * (1 + 1e-6))
-    return jax.tree.map(lambda leaf: leaf[best], ends)._replace(num_agreeing=num_agreeing)
+    def exchanged(u: Array) -> Array:
+        """All placements that differ from u in one component, as many as the lattice has."""
+        rows = []
+        for k in range(layout.num_shapes):
+            share = nodes[k :: layout.num_shapes, k]
+            rows.append(jnp.broadcast_to(u, (share.shape[0], u.shape[0])).at[:, k].set(share))
+        return jnp.concatenate(rows)
+
+    def search(best: Solution, first: Array) -> tuple[Solution, None]:
+        candidates = jnp.where(first, lattice, exchanged(best.coordinates))
+        starts = _best_apart(candidates, jax.vmap(value)(candidates))
+        ends = jax.vmap(descend)(starts)
+        lowest = jnp.minimum(best.objective, jnp.min(ends.objective))
+        num_here = jnp.sum(ends.objective <= lowest * (1 + 1e-6))
+        num_agreeing = num_here + jnp.where(best.objective <= lowest * (1 + 1e-6), best.num_agreeing, 0)
+        end = jax.tree.map(lambda leaf: leaf[jnp.argmin(ends.objective)], ends)
+        better = end.objective < best.objective
+        best = jax.tree.map(lambda new, old: jnp.where(better, new, old), end, best)
+        return best._replace(num_agreeing=num_agreeing), None
+
+    start = Solution(
+        lattice[0], jnp.zeros(len(layout.kinds)), jnp.asarray(jnp.inf), jnp.asarray(jnp.inf), jnp.asarray(0)
+    )
+    return lax.scan(search, start, jnp.arange(NUM_ROUNDS) == 0)[0]
+
+
+def _best_apart(candidates: Float[Array, "S K"], objectives: Float[Array, " S"]) -> Float[Array, "D K"]:
+    """The best candidates of which no two lie within a factor e of each other in all correlation times."""
+    ordered = jnp.sort(candidates, axis=1)  # a swap of two components is no difference
+
+    def take(i: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        left, taken = state
+        at = jnp.argmin(left)
+        near = jnp.max(jnp.abs(ordered - ordered[at][None, :]), axis=1) < 1.0
+        return jnp.where(near, jnp.inf, left), taken.at[i].set(at)
+
+    finite = jnp.where(jnp.isfinite(objectives), objectives, jnp.inf)
+    taken = jnp.zeros(NUM_DESCENTS, dtype=jnp.int32)
+    return candidates[lax.fori_loop(0, NUM_DESCENTS, take, (finite, taken.astype(jnp.argmin(finite).dtype)))[1]]

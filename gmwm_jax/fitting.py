@@ -10,13 +10,13 @@ from jaxtyping import Float
 
 from gmwm_jax._check import require_x64, sampling_rate
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.estimate import Data, Layout, Solution, minimise
+from gmwm_jax.estimate import NUM_DESCENTS, NUM_ROUNDS, Data, Layout, Solution, minimise
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
 from gmwm_jax.result import ZERO, Fit, Fits, Status
-from gmwm_jax.start import start_coordinates
+from gmwm_jax.start import lattice
 from gmwm_jax.variance import WaveletVariance, wavelet_variance
 
 
@@ -64,8 +64,8 @@ def fit(
 
     Notes
     -----
-    Deterministic: the starting points do not depend on chance unless a key is given. See `gmwm_jax.estimate` for the
-    method. The same model on the same number of scales, channels and starts compiles once.
+    Deterministic: nothing depends on chance unless a key is given. See `gmwm_jax.estimate` for the
+    method. The same model on the same number of scales and channels compiles once.
     """
     require_x64()
     wv = wavelet_variance(data) if isinstance(data, Recording) else data
@@ -92,11 +92,13 @@ def fit(
     searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
     tau_max = float(wv.scales[-1])
     bounds = np.array([p.coordinate_bounds(tau_max) for p in searched]).reshape(-1, 2)
-    starts = _starts(searched, tau_max, key)
+    placements, nodes = _placements(searched, tau_max, key)
+    num_descents = NUM_ROUNDS * NUM_DESCENTS if searched else 1
     held = [0.0 if free else float(p.amplitude) for p, free in zip(processes, layout.free_amplitude, strict=True)]
     solutions = _minimise_channels(
         layout,
-        jnp.asarray(starts),
+        jnp.asarray(placements),
+        jnp.asarray(nodes),
         jnp.asarray(np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))),
         jnp.asarray(whiteners),
         jnp.asarray(wv.scales),
@@ -117,7 +119,7 @@ def fit(
                 omega=omegas[c],
                 status=_status(solution, float(np.sum((whiteners[c] @ channel.variance) ** 2))),
                 at_boundary=at_boundary,
-                agreement=float(solution.num_agreeing) / len(starts),
+                agreement=float(solution.num_agreeing) / num_descents,
                 rate=rate,
                 level=level,
             )
@@ -129,9 +131,7 @@ def fit(
     return fits[0] if wv.is_single else Fits(tuple(fits))
 
 
-def objective(
-    wv: WaveletVariance, model: str | AbstractProcess | Composite, *, omega: Any = None
-) -> float:
+def objective(wv: WaveletVariance, model: str | AbstractProcess | Composite, *, omega: Any = None) -> float:
     """Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model whose parameters are all given, for one channel.
 
     Parameters
@@ -149,10 +149,18 @@ def objective(
 
 @partial(jax.jit, static_argnums=0)
 def _minimise_channels(
-    layout: Layout, starts: Any, y: Any, whitener: Any, tau: Any, bounds: Any, shapes: Any, amplitudes: Any
+    layout: Layout,
+    placements: Any,
+    nodes: Any,
+    y: Any,
+    whitener: Any,
+    tau: Any,
+    bounds: Any,
+    shapes: Any,
+    amplitudes: Any,
 ) -> Solution:
     def one(y: Any, whitener: Any) -> Solution:
-        return minimise(layout, starts, Data(y, whitener, tau, bounds, shapes, amplitudes))
+        return minimise(layout, placements, nodes, Data(y, whitener, tau, bounds, shapes, amplitudes))
 
     return jax.vmap(one)(y, whitener)
 
@@ -161,16 +169,18 @@ def _has_free_shape(p: AbstractProcess) -> bool:
     return any(q.name not in p.fixed for q in p.parameters[:-1])
 
 
-def _starts(searched: list[AbstractProcess], tau_max: float, key: PRNGKey | None) -> Float[np.ndarray, "S K"]:
-    """The nodes, and once more with the starting values that the model gives."""
-    starts = start_coordinates(tuple(type(p) for p in searched), tau_max, key)
+def _placements(
+    searched: list[AbstractProcess], tau_max: float, key: PRNGKey | None
+) -> tuple[Float[np.ndarray, "S K"], Float[np.ndarray, "S K"]]:
+    """The lattice, and once more with the starting values that the model gives."""
+    placements, nodes = lattice(tuple(type(p) for p in searched), tau_max, key)
     given = {k: float(p.coordinate_from_shape(p.shape)) for k, p in enumerate(searched) if None not in p.shape}
-    if not given:
-        return starts
-    moved = starts.copy()
-    for k, coordinate in given.items():
-        moved[:, k] = coordinate
-    return np.concatenate([moved, starts])
+    if given:
+        moved = placements.copy()
+        for k, coordinate in given.items():
+            moved[:, k] = coordinate
+        placements, nodes = np.concatenate([moved, placements]), np.concatenate([nodes, nodes])
+    return placements, nodes
 
 
 def _assemble(
@@ -180,8 +190,7 @@ def _assemble(
     solution: Solution,
     tau_max: float,
 ) -> tuple[Composite, dict[str, str]]:
-    """The model with its estimates in the user's order, a kind's components by correlation time, and what is at a
-    boundary."""
+    """The model with its estimates in the user's order (those of a kind by correlation time), and its boundaries."""
     fitted: list[tuple[AbstractProcess, str]] = [(p, "") for p in processes]
     for i, p in enumerate(processes):
         shape, note = p.shape, ""

@@ -1,8 +1,8 @@
 """First-order standard errors: from the covariance of the wavelet variance to that of the parameters.
 
 Near the minimum, eta_hat - eta = (A' Omega A)^-1 A' Omega (nu_hat - nu) with A = d nu / d eta. Hence the sandwich
-Psi = B V B', B = (A' Omega A)^-1 A' Omega, V = Cov(nu_hat) (Guerrier et al. 2013, eq. 12). eta are the parameters mapped to
-the real line (log, or logit for phi), on which intervals are symmetric: they never leave the range of the parameter.
+Psi = B V B', B = (A' Omega A)^-1 A' Omega, V = Cov(nu_hat) (Guerrier et al. 2013). eta are the parameters mapped to the
+real line (log, or logit for phi), on which intervals are symmetric: they never leave the range of the parameter.
 """
 
 from collections.abc import Callable
@@ -74,7 +74,7 @@ def delta_method(
 
 
 def normal_quantile(level: float) -> float:
-    """z such that a normal variable lies within +-z with probability `level` (1.96 for 0.95)."""
+    """Return z such that a normal variable lies within +-z with probability `level` (1.96 for 0.95)."""
     return float(ndtri((1 + level) / 2))
 
 

@@ -11,7 +11,7 @@ import importlib
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -109,7 +109,7 @@ def read_recording(
             raise ValueError("No column is left to read besides that of time.")
         loaded = list(table.load(picked if timed is None else [*picked, timed]))
         timed_rate = None if timed is None else rate_of_time(loaded.pop(), time_unit)
-        labels = [table.names[i] if table.names else f"column {i}" for i in picked]
+        labels = [table.names[i] if table.names else str(i) for i in picked]
         return Recording.from_array(
             _stack(loaded, labels),
             rate=_agreed_rate({"rate=": rate, "the file": table.rate, "the column of time": timed_rate}),
@@ -190,7 +190,7 @@ def _parsing(kind: str) -> Iterator[None]:
         ) from error
 
 
-def _plain_names(names: Sequence[Any]) -> tuple[str, ...]:
+def _plain_names(names: Iterable[Any]) -> tuple[str, ...]:
     plain = (re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_") for name in names)
     return tuple(name or f"column_{i}" for i, name in enumerate(plain))
 
@@ -220,9 +220,7 @@ def _stack(columns: Sequence[np.ndarray], labels: Sequence[str]) -> np.ndarray:
     """Put columns side by side, or name the one that is not numeric."""
     for column, label in zip(columns, labels, strict=True):
         if column.dtype.kind not in "iuf":
-            raise ValueError(
-                f"Column {label!r} holds {column.dtype} ({column[:1].tolist()} ...), not numbers: leave it out."
-            )
+            raise ValueError(f"Column {label!r} holds {column[:1]} ({column.dtype}), not numbers: leave it out.")
     return np.stack(columns).T
 
 
@@ -241,7 +239,7 @@ def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
     return rate
 
 
-def _matrix(values: np.ndarray, names: Sequence[Any] | None = None, rate: float | None = None) -> _Table:
+def _matrix(values: np.ndarray, names: Iterable[Any] | None = None, rate: float | None = None) -> _Table:
     """Make a table of a vector or matrix."""
     if values.ndim not in (1, 2):
         raise ValueError(f"A recording has the shape (N,) or (N, C), time on axis 0, and this one {values.shape}.")
@@ -251,11 +249,11 @@ def _matrix(values: np.ndarray, names: Sequence[Any] | None = None, rate: float 
 
 
 def _open_numpy(file: Path, variable: str | None) -> _Table:
-    with _parsing("NumPy"):
-        loaded = np.load(file, allow_pickle=False)
-    if isinstance(loaded, np.ndarray):
-        return _matrix(loaded)
-    with loaded:
+    with file.open("rb") as stream:
+        with _parsing("NumPy"):
+            loaded = np.load(stream, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return _matrix(loaded)
         saved = set(loaded) == set(_SAVED)
         keys = _SAVED if saved else (_only(list(loaded), variable),)
         with _parsing("NumPy"):

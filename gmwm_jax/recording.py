@@ -7,7 +7,7 @@ tells rates (``deg/s``, ``g``) from increments per sample (``deg``, ``m/s``), wh
 import operator
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self, SupportsIndex
+from typing import Any, SupportsIndex
 
 import numpy as np
 from jaxtyping import Float64
@@ -78,7 +78,7 @@ class Recording:
         units: str | Sequence[str] | Mapping[str, str] | None,
         channels: Names | None = None,
         name: str = "",
-    ) -> Self:
+    ) -> "Recording":
         """Make a recording from an array, converting to SI. The array is copied once and left as it is.
 
         Parameters
@@ -150,7 +150,7 @@ class Recording:
 
         return plot_recording(self)
 
-    def __getitem__(self, key: str | SupportsIndex | Sequence[str | SupportsIndex]) -> Self:
+    def __getitem__(self, key: str | SupportsIndex | Sequence[str | SupportsIndex]) -> "Recording":
         """Select channels by name, group, position, or a list of these.
 
         Raises
@@ -233,8 +233,12 @@ def rate_of_time(time: np.ndarray, unit: str = "s") -> float:
         raise ValueError(f"The column of time holds {time.dtype} ({time[:1].tolist()} ...), and no numbers.")
     if len(time) < 2:
         raise ValueError(f"The column of time has {len(time)} value: a rate needs two.")
-    size = np.timedelta64(1, "s") if time.dtype.kind == "M" else 1 / _SECONDS[unit]
-    seconds = (time - time[0]) / size
+    if time.dtype.kind == "M":
+        seconds = (time - time[0]) / np.timedelta64(1, "s")
+    else:
+        # the first is subtracted while integers are exact, and in 64 bits, where a counter that fell back shows
+        ticks = time.astype(np.float64 if time.dtype.kind == "f" else np.int64)
+        seconds = (ticks - ticks[0]) * _SECONDS[unit]
     finite_record(seconds, "the column of time")
     steps = np.diff(seconds)
     median = np.median(steps)

@@ -93,7 +93,7 @@ class Fit:
         Label of a component -> what became of it: its amplitude is zero, or its correlation time has left the range
         that the record can show.
     agreement
-        Share of the starting points from which the search came to this same minimum.
+        Share of the descents that came to this same minimum.
     rate
         Hz, None if unknown.
     """
@@ -244,7 +244,9 @@ class Fit:
                 si, unit = q.si_unit(self.unit), unit_of(q)
                 value /= 1.0 if unit == si else units_.unit(unit).factor
                 factor = np.exp(z * error) if error > 0 else np.nan
-                estimates.append(Estimate(label, q.symbol, value, unit, value / factor, value * factor, note, q.meaning))
+                estimates.append(
+                    Estimate(label, q.symbol, value, unit, value / factor, value * factor, note, q.meaning)
+                )
                 at += 1
         return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), self.level)
 
@@ -270,7 +272,7 @@ class Fit:
         lines = [
             f"GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
             f"objective {self.objective:.8g} with {free} free parameters on {wv.num_scales} scales; "
-            f"{self.status.value}; {100 * self.agreement:.0f} % of the starts came to this minimum",
+            f"{self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
             "",
             str(self.parameters()),
         ]

@@ -14,9 +14,7 @@ from gmwm_jax.processes._base import AbstractProcess, Composite, sum_arrays
 from gmwm_jax.processes.registry import as_model
 
 
-def simulate(
-    model: str | AbstractProcess | Composite, num_samples: int, *, key: PRNGKey
-) -> Float[Array, " N"]:
+def simulate(model: str | AbstractProcess | Composite, num_samples: int, *, key: PRNGKey) -> Float[Array, " N"]:
     """Draw one record of a model.
 
     Stationary components start from their stationary distribution (R's simts starts them at zero, which takes

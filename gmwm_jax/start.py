@@ -1,8 +1,8 @@
-"""Where the search over correlation times starts.
+"""Where the search over correlation times looks first.
 
-The objective as a function of the correlation times alone (amplitudes solved for) is smooth, and its basins are wide:
-half a decade or more. Starts are therefore all ways to place the components of a kind on a few nodes spread evenly
-over the logarithm of the correlation times that the record can show.
+The objective as a function of the correlation times alone (amplitudes solved for) is smooth, its basins a factor 2 to
+10 wide, and one evaluation costs microseconds. So it is evaluated on a lattice: all ways to place the components of a
+kind on nodes spread evenly over the logarithm of the correlation times that the record can show.
 """
 
 import itertools
@@ -15,15 +15,13 @@ from jaxtyping import Float
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.processes._base import AbstractProcess
 
-_MAX_STARTS = 60
-_NODES_ALONE = 20
-"""Nodes where one component is searched for; fewer for several, so that their combinations stay below the maximum."""
+_NUM_PLACEMENTS = 1000
 
 
-def start_coordinates(
+def lattice(
     kinds: tuple[type[AbstractProcess], ...], tau_max: float, key: PRNGKey | None = None
-) -> Float[np.ndarray, "S K"]:
-    """Starting points in the search coordinates of the components whose shape is free.
+) -> tuple[Float[np.ndarray, "S K"], Float[np.ndarray, "S K"]]:
+    """Placements of the components whose shape is free, and nodes at which to try single ones.
 
     Parameters
     ----------
@@ -32,18 +30,31 @@ def start_coordinates(
     tau_max
         Largest span of the wavelet variance, in samples.
     key
-        Moves every coordinate at random by up to one (a factor e in the correlation time); None: as they are.
+        Moves every coordinate at random by up to half the distance of the nodes; None leaves them where they are.
+
+    Returns
+    -------
+    placements
+        Search coordinates, about a thousand rows.
+    nodes
+        As many rows; column k has nodes for component k.
     """
+    if not kinds:
+        return np.zeros((1, 0)), np.zeros((1, 0))
     groups = [(kind, len(list(members))) for kind, members in itertools.groupby(kinds)]
-    budget = _MAX_STARTS ** (1 / max(len(groups), 1))
-    choices = []
+    budget = _NUM_PLACEMENTS ** (1 / len(groups))
+    choices, spacings = [], []
     for kind, count in groups:
-        num = _NODES_ALONE
-        while num > count and math.comb(num, count) > budget:
-            num -= 1
-        choices.append(list(itertools.combinations(kind.start_nodes(tau_max, num), count)))
-    placements = [sum(parts, ()) for parts in itertools.product(*choices)]
-    starts = np.array(placements).reshape(len(placements), len(kinds))
-    if key is None:
-        return starts
-    return starts + np.asarray(jax.random.uniform(key, starts.shape, minval=-1.0, maxval=1.0))
+        num = count
+        while math.comb(num + 1, count) <= budget:
+            num += 1
+        at = kind.start_nodes(tau_max, num)
+        choices.append(list(itertools.combinations(at, count)))
+        spacings += [float(np.mean(np.diff(at))) if num > 1 else 1.0] * count
+    placements = np.array([sum(parts, ()) for parts in itertools.product(*choices)])
+    nodes = np.column_stack([kind.start_nodes(tau_max, len(placements)) for kind in kinds])
+    if key is not None:
+        shift = np.asarray(jax.random.uniform(key, (2, *placements.shape), minval=-0.5, maxval=0.5))
+        placements = placements + shift[0] * np.array(spacings)
+        nodes = nodes + shift[1] * (nodes[1:2] - nodes[:1] if len(nodes) > 1 else 1.0)
+    return placements, nodes

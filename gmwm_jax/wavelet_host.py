@@ -2,11 +2,11 @@
 
 XLA on a CPU walks the whole record once or twice a level; here each sample is fetched from memory twice in all.
 
-*Fine levels*, span up to 2^m: the record is taken in blocks that fit the cache, each with the 2^m - 1 samples before it,
-and all m levels are worked off inside the block. The running sums S_m are kept.
+*Fine levels*, span up to 2^m: the record is taken in blocks that fit the cache, each with the 2^m - 1 samples before
+it, and all m levels are worked off inside the block. The running sums S_m are kept.
 
-*Coarse levels*: they combine S_m only at distances that are multiples of 2^m. Written as a matrix of 2^m columns, row by
-row, S_m falls apart into independent columns; a slab of columns that fits the cache is worked off for all levels.
+*Coarse levels*: they combine S_m only at distances that are multiples of 2^m. Written as a matrix of 2^m columns, row
+by row, S_m falls apart into independent columns; a slab of columns that fits the cache is worked off for all levels.
 
 S_m lives in memory or, for records that do not fit, in a scratch file; the record itself may be an array, a memory map
 or any iterable of blocks. All ways run the same operations.
@@ -62,7 +62,7 @@ def host_wavelet_variance(
         starts = range(0, num, _BLOCK)
         shares = [starts[w::workers] for w in range(workers)]
         energy = sum(pool.map(lambda share: _fine_levels(x, share, origin, m, S), shares))
-        if J > m:
+        if m < J:
             width = max(_BLOCK * (1 << m) // num, 8)
             firsts = range(0, 1 << m, width)
             shares = [firsts[w::workers] for w in range(workers)]

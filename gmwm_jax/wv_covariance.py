@@ -1,22 +1,23 @@
 """Covariance of the wavelet-variance estimator for a Gaussian process of known model, exact for finite N.
 
-With gamma_jk(h) = Cov(W_{j,t+h}, W_{k,t}) and a mean mu_j of the coefficients (zero but for a drift), Isserlis' theorem gives
+With gamma_jk(h) = Cov(W_{j,t+h}, W_{k,t}) and a mean mu_j of the coefficients (zero but for a drift), Isserlis'
+theorem gives
 
     Cov(nu_j, nu_k) = 1/(M_j M_k) sum_h N_jk(h) [2 gamma_jk(h)^2 + 4 mu_j mu_k gamma_jk(h)],
 
-N_jk(h) the number of pairs of coefficients at lag h. (Percival 1995 and Serroukh, Walden & Percival 2000 take the limit of
-large N, where it becomes an integral over the spectrum.)
+N_jk(h) the number of pairs of coefficients at lag h. (Percival 1995 and Serroukh, Walden & Percival 2000 take the limit
+of large N, where it becomes an integral over the spectrum.)
 
 The sum has 2N terms for each pair of scales. But gamma_jk is smooth between nine kinks, the lags at which an edge or
-the middle of one filter meets one of the other's, and varies there on the scale of the distance to the nearest kink (or
-of a correlation time, when it has died out before the panels grow longer). Hence a graded quadrature: panels that double
+the middle of one filter meets one of the other's, and varies there on the scale of the distance to the nearest kink
+(or of a correlation time, when it has died out before the panels grow longer). Hence a graded quadrature: panels that double
 in length away from every kink, and in each a Gauss rule *for sums over integers*, whose orthogonal polynomials are the
 discrete Chebyshev (Gram) polynomials; exact for polynomials up to degree 2Q - 1 and, on panels of up to Q points, for
 everything. Even and odd lags are summed apart, so that an AR1 with phi < 0 is smooth as well.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -35,13 +36,13 @@ _NODES = 8
 class LagQuadrature(NamedTuple):
     """Nodes and weights for the sums over lags of all pairs j >= k of scales, as one flat list."""
 
-    lag: np.ndarray
-    parity: np.ndarray
-    n_j: np.ndarray
-    n_k: np.ndarray
-    weight: np.ndarray
+    lag: Any
+    parity: Any
+    n_j: Any
+    n_k: Any
+    weight: Any
     """Quadrature weight times N_jk(h) / (M_j M_k)."""
-    pair: np.ndarray
+    pair: Any
     """Index of the pair, in the order of `numpy.tril_indices`."""
 
 

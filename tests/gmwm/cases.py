@@ -1,0 +1,211 @@
+"""The table of processes that every test of a process runs over, and what is computed from it at 80 digits.
+
+A row holds the *definition* of a process, none of the code's formulas: the autocovariance of the process, or of its
+first difference where only that is stationary. Wavelet variances, covariance matrices and means follow from it by
+sums. `closed_form` is the textbook formula; a test holds it against the sums where they are quick, and it serves for
+spans up to 2^24. One more process is one more row.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import accumulate, repeat
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+import scipy.linalg
+
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.gauss_markov import AR1, GM
+from gmwm_jax.processes.quantisation import QN
+from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.white_noise import WN
+
+MP = mpmath.mp.clone()
+"""A context of its own, so that no other test changes its precision. The GM closed form loses 3 log10(1/beta) digits."""
+MP.dps = 80
+
+
+@dataclass(frozen=True)
+class Case:
+    """One process: its class, parameter sets, and what it is by definition."""
+
+    cls: type[AbstractProcess]
+    parameters: tuple[tuple[float, ...], ...]
+    """Sets of parameters, in the order of the class."""
+    outside: tuple[tuple[float, ...], ...]
+    """Sets that the constructor must refuse."""
+    closed_form: Callable[..., Any]
+    """(parameters..., tau) -> Haar wavelet variance, in mpmath."""
+    autocovariance: Callable[..., list[Any]]
+    """(parameters..., num) -> autocovariance at the lags 0 .. num - 1 of the process after `differences`."""
+    psd: Callable[..., Any] | None
+    """(parameters..., frequency) -> two-sided PSD, in mpmath; None where there is none."""
+    differences: int = 0
+    """0: stationary; 1: its first difference is (with x_0 = 0)."""
+    mean: Callable[..., Any] = lambda *parameters: MP.mpf(0)
+    """Mean of the process after `differences`."""
+    gaussian: bool = True
+
+    @property
+    def stationary(self) -> bool:
+        return self.differences == 0
+
+
+def _white(amplitude, num):
+    return [amplitude] + [MP.mpf(0)] * (num - 1)
+
+
+def _ar1(phi, sigma2, num):
+    return list(accumulate(repeat(phi, num - 1), MP.fmul, initial=sigma2 / (1 - phi**2)))
+
+
+def _ar1_closed_form(phi, sigma2, tau):
+    """Guerrier et al. (2013), table 1, rearranged; loses all digits in double precision as phi -> 1."""
+    n, d = tau // 2, 1 - phi
+    e = 1 - phi**n
+    return sigma2 / (1 - phi**2) * (n * d * (1 + phi) - phi * e * (2 + e)) / (2 * n**2 * d**2)
+
+
+def _ar1_psd(phi, sigma2, f):
+    return sigma2 / abs(1 - phi * MP.expjpi(-2 * f)) ** 2
+
+
+def _gm(law):
+    """A law of GM(beta, variance) from that of AR1(phi, sigma2)."""
+    return lambda beta, variance, x: law(MP.exp(-beta), -variance * MP.expm1(-2 * beta), x)
+
+
+_BETAS = (1e-12, 1e-9, 1e-6, 1e-4, 1.688923e-3, 1e-2, 0.1, 0.3, 0.7, 1.0, 2.0, 5.0, 20.0, 50.0)
+_PHIS = (
+    -0.999999, -0.9, -0.5, -1e-8, 0.0, 1e-8, 0.1269, 0.499, 0.501, 0.9, 0.9983125, 0.999999, 1 - 1e-9, 1 - 1e-12,
+)  # fmt: skip
+
+CASES = (
+    Case(
+        WN,
+        parameters=((1.0,), (4.926494e-5,), (3e-20,)),
+        outside=((-1.0,), (np.nan,), (np.inf,)),
+        closed_form=lambda sigma2, tau: sigma2 / tau,
+        autocovariance=_white,
+        psd=lambda sigma2, f: sigma2,
+    ),
+    Case(
+        QN,
+        parameters=((1.0,), (3.2,), (1e-7,)),
+        outside=((-1.0,), (np.nan,), (np.inf,)),
+        closed_form=lambda q2, tau: 6 * q2 / MP.mpf(tau) ** 2,
+        # sqrt(12 q2) (Y_t - Y_{t-1}) with Var Y = 1/12
+        autocovariance=lambda q2, num: ([2 * q2, -q2] + [MP.mpf(0)] * num)[:num],
+        psd=lambda q2, f: q2 * abs(1 - MP.expjpi(-2 * f)) ** 2,
+        gaussian=False,
+    ),
+    Case(
+        RW,
+        parameters=((1.0,), (4.75507e-13,), (2.5,)),
+        outside=((-1.0,), (np.nan,), (np.inf,)),
+        closed_form=lambda gamma2, tau: gamma2 * (MP.mpf(tau) ** 2 + 2) / (12 * tau),
+        autocovariance=_white,
+        psd=lambda gamma2, f: gamma2 / abs(1 - MP.expjpi(-2 * f)) ** 2,
+        differences=1,
+    ),
+    Case(
+        DR,
+        parameters=((1.0,), (3e-10,), (0.002,)),
+        outside=((-1.0,), (np.nan,), (np.inf,)),
+        closed_form=lambda omega, tau: omega**2 * MP.mpf(tau) ** 2 / 16,
+        autocovariance=lambda omega, num: [MP.mpf(0)] * num,
+        psd=None,
+        differences=1,
+        mean=lambda omega: omega,
+    ),
+    Case(
+        AR1,
+        parameters=tuple((phi, 1.7) for phi in _PHIS),
+        outside=((1.0, 1.0), (-1.0, 1.0), (1.5, 1.0), (-2.0, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.nan)),
+        closed_form=_ar1_closed_form,
+        autocovariance=_ar1,
+        psd=_ar1_psd,
+    ),
+    Case(
+        GM,
+        parameters=tuple((beta, 0.6) for beta in _BETAS),
+        outside=((0.0, 1.0), (-0.1, 1.0), (np.inf, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        closed_form=_gm(_ar1_closed_form),
+        autocovariance=_gm(_ar1),
+        psd=_gm(_ar1_psd),
+    ),
+)
+
+# -- the table, for pytest.mark.parametrize -------------------------------------------------------------------------
+
+
+def rows(**only: Any) -> list[Any]:
+    """The rows whose attributes equal `only`, for `parametrize("case", ...)`."""
+    return [pytest.param(c, id=c.cls.kind) for c in CASES if all(getattr(c, k) == v for k, v in only.items())]
+
+
+def row_of(kind: str) -> Case:
+    return next(c for c in CASES if c.cls.kind == kind)
+
+
+# -- what follows from a row ----------------------------------------------------------------------------------------
+
+
+def exact(values: tuple[float, ...]) -> list[Any]:
+    """The doubles, exactly, in mpmath."""
+    return [MP.mpf(v) for v in values]
+
+
+def haar_filter(tau: int, differences: int = 0) -> Any:
+    """tau times the Haar filter of span tau, newest sample first, or the filter with the same output for differences.
+
+    A filter whose sum is zero is applied to x as its running sum to x_t - x_{t-1}.
+    """
+    h = np.repeat([1, -1], tau // 2)
+    for _ in range(differences):
+        h = np.cumsum(h)
+    return h
+
+
+def defined_wavelet_variance(case: Case, values: tuple[float, ...], taus: list[int]) -> list[Any]:
+    """E(W_t^2) from the definition: filter' covariance filter, summed over lags with the filters in integers."""
+    gamma = case.autocovariance(*exact(values), max(taus))
+    mean = case.mean(*exact(values))
+    result = []
+    for tau in taus:
+        g = haar_filter(tau, case.differences)
+        overlap = [int(a) for a in np.correlate(g, g, "full")[tau - 1 :]]
+        variance = 2 * MP.fdot(zip(overlap, gamma, strict=False)) - overlap[0] * gamma[0]
+        result.append((variance + (int(g.sum()) * mean) ** 2) / MP.mpf(tau) ** 2)
+    return result
+
+
+def closed_wavelet_variance(case: Case, values: tuple[float, ...], taus: list[int]) -> list[Any]:
+    """The textbook formula at 80 digits."""
+    return [case.closed_form(*exact(values), tau) for tau in taus]
+
+
+def sample_covariance(case: Case, values: tuple[float, ...], num: int, *, less_variance: bool = False) -> Any:
+    """Cov(x_s, x_t), s, t = 1..num, in double precision.
+
+    With `less_variance` the constant gamma(0) is taken off, in 80 digits: filters that sum to zero do not see it,
+    and what is left of a slow process has all its digits.
+    """
+    gamma = case.autocovariance(*exact(values), num)
+    if less_variance and case.stationary:
+        gamma = [g - gamma[0] for g in gamma]
+    covariance = scipy.linalg.toeplitz(np.array([float(g) for g in gamma]))
+    for _ in range(case.differences):
+        covariance = np.cumsum(np.cumsum(covariance, axis=0), axis=1)
+    return covariance
+
+
+def sample_mean(case: Case, values: tuple[float, ...], num: int) -> Any:
+    """E(x_t), t = 1..num."""
+    mean = np.full(num, float(case.mean(*exact(values))))
+    for _ in range(case.differences):
+        mean = np.cumsum(mean)
+    return mean
