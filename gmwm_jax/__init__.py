@@ -1,1 +1,59 @@
-"""gmwm_jax."""
+"""Stochastic calibration of inertial sensors: from a static recording to the noise model a Kalman filter wants.
+
+Conventions
+-----------
+Symbols: sigma^2 variance of white noise, nu_j^2 wavelet variance at level j = 1..J, tau_j = 2^j samples the span of the
+Haar filter, theta the parameters, Omega the weights, f the sampling rate in Hz, u the unit of the signal.
+
+Time is axis 0 of a record, channels are axis 1. Inside everything is SI (rad/s, m/s^2) in 64-bit floats; other units
+are converted at the door. Process parameters are *per sample*; they become continuous-time densities or datasheet
+entries only through `Fit.continuous`, `Fit.datasheet` and `gmwm_jax.units`, with the sampling rate stated.
+
+The package never changes JAX's configuration: turn 64-bit floats on first,
+``jax.config.update("jax_enable_x64", True)``.
+
+References
+----------
+Guerrier, S., Skaloud, J., Stebler, Y. & Victoria-Feser, M.-P. (2013). Wavelet-variance-based estimation for composite
+stochastic processes. JASA 108, 1021-1030.
+Percival, D. B. & Walden, A. T. (2000). Wavelet Methods for Time Series Analysis. Cambridge.
+IEEE Std 952-1997, annex C. Guide for single-axis interferometric fibre-optic gyros.
+"""
+
+from gmwm_jax import datasets as datasets
+from gmwm_jax import units as units
+from gmwm_jax.allan import AllanDeviation as AllanDeviation
+from gmwm_jax.allan import SlopeRegression as SlopeRegression
+from gmwm_jax.allan import allan_deviation as allan_deviation
+from gmwm_jax.allan import read_off as read_off
+from gmwm_jax.allan import slope_regression as slope_regression
+from gmwm_jax.datasheet import from_datasheet as from_datasheet
+from gmwm_jax.estimates import Estimate as Estimate
+from gmwm_jax.estimates import EstimateTable as EstimateTable
+from gmwm_jax.estimates import continuous_table as continuous_table
+from gmwm_jax.fitting import fit as fit
+from gmwm_jax.fitting import objective as objective
+from gmwm_jax.io import read_recording as read_recording
+from gmwm_jax.io import save_recording as save_recording
+from gmwm_jax.processes._base import AbstractProcess as AbstractProcess
+from gmwm_jax.processes._base import Composite as Composite
+from gmwm_jax.processes._parameter import Fixed as Fixed
+from gmwm_jax.processes.drift import DR as DR
+from gmwm_jax.processes.gauss_markov import AR1 as AR1
+from gmwm_jax.processes.gauss_markov import GM as GM
+from gmwm_jax.processes.quantisation import QN as QN
+from gmwm_jax.processes.random_walk import RW as RW
+from gmwm_jax.processes.registry import parse_model as parse_model
+from gmwm_jax.processes.white_noise import WN as WN
+from gmwm_jax.recording import Recording as Recording
+from gmwm_jax.result import Fit as Fit
+from gmwm_jax.result import Fits as Fits
+from gmwm_jax.result import Status as Status
+from gmwm_jax.simulation import simulate as simulate
+from gmwm_jax.variance import WaveletVariance as WaveletVariance
+from gmwm_jax.variance import wavelet_variance as wavelet_variance
+from gmwm_jax.wavelet import haar_dwt_variance as haar_dwt_variance
+from gmwm_jax.wavelet import haar_wavelet_variance as haar_wavelet_variance
+from gmwm_jax.wv_covariance import wv_covariance as wv_covariance
+
+__version__ = "0.1.0"

@@ -17,11 +17,11 @@ from jaxtyping import Float
 
 from gmwm_jax._check import sampling_rate
 from gmwm_jax._table import format_table, number
+from gmwm_jax.estimates import Estimate, EstimateTable
 from gmwm_jax.inference import normal_quantile
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.recording import Recording
-from gmwm_jax.result import Estimate, EstimateTable
 from gmwm_jax.units import CONTINUOUS, from_continuous
 from gmwm_jax.variance import WaveletVariance, wavelet_variance
 from gmwm_jax.wv_covariance import wv_covariance
@@ -101,8 +101,8 @@ def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = N
     f = sampling_rate(wv.rate if wv.rate is not None else rate)
     if wv.rate is not None and rate is not None and rate != wv.rate:
         raise ValueError(f"rate={rate:g} was given, and the data have {wv.rate:g} Hz.")
-    deviations = (np.sqrt(2 * v) for v in (wv.variance, wv.ci_low, wv.ci_high))
-    return AllanDeviation(wv.scales / (2 * f), *deviations, replace(wv, rate=f))
+    deviation, low, high = (np.sqrt(2 * v) for v in (wv.variance, wv.ci_low, wv.ci_high))
+    return AllanDeviation(wv.scales / (2 * f), deviation, low, high, replace(wv, rate=f))
 
 
 def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:

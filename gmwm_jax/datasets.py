@@ -1,15 +1,28 @@
-"""Named public recordings, fetched once and checked by their SHA-256.
+"""Named public recordings, fetched once and checked by their SHA-256, and simulated ones.
 
 The files are those of the repository SMAC-Group/imudata; none of them is part of this package. A machine without a
 network uses copies: put them into a folder and name it in the environment variable ``GMWM_JAX_DATA``.
+
+Simulated recordings need neither: they are drawn on the spot from published parameter values of real sensors.
 """
 
 import os
+import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
+import jax
+import numpy as np
+
 from gmwm_jax._known_files import KNOWN_FILES, KnownFile, sha256
+from gmwm_jax._sensors import SENSORS, Sensor
+from gmwm_jax._typing import PRNGKey
+from gmwm_jax.datasheet import from_datasheet
 from gmwm_jax.io import import_optional, read_recording
+from gmwm_jax.processes._base import Composite
+from gmwm_jax.processes.registry import parse_model
 from gmwm_jax.recording import Recording
+from gmwm_jax.simulation import simulate
 
 FOLDER_VARIABLE = "GMWM_JAX_DATA"
 """Environment variable that names a folder of files placed by hand."""
@@ -88,3 +101,78 @@ def _downloaded(known: KnownFile) -> Path:
             f"{known.file} could not be fetched from {known.source}{known.file} ({error}). Without a network, put the "
             f"file into a folder by hand and name the folder in the environment variable {FOLDER_VARIABLE}."
         ) from error
+
+
+def sensors() -> tuple[str, ...]:
+    """Return the names of the sensors that `simulated` can draw."""
+    return tuple(SENSORS)
+
+
+def sensor_models(sensor: str) -> dict[str, Composite]:
+    """Return the noise model of each channel of a sensor (parameters per sample at its own rate, SI).
+
+    Raises
+    ------
+    ValueError
+        No sensor has this name.
+    """
+    return {channel: parse_model(text) for channel, text in _sensor(sensor).models.items()}
+
+
+def sensor_datasheet(sensor: str, group: str) -> Composite | None:
+    """Return the white noise that a sensor's datasheet promises for ``gyro`` or ``accel``; None if it is silent."""
+    known = _sensor(sensor)
+    entries = known.datasheet.get(group)
+    return None if entries is None else from_datasheet(entries, known.rate)[0]
+
+
+def simulated(
+    sensor: str,
+    num_samples: int = 360_000,
+    *,
+    key: PRNGKey | None = None,
+    channels: Sequence[str] | None = None,
+) -> Recording:
+    """Draw a static recording of a sensor from published parameter values, see `gmwm_jax._sensors`.
+
+    Parameters
+    ----------
+    sensor
+        ``mti-g``, ``navchip``, ``imar-fsas`` or ``ln200``.
+    num_samples
+        Length at the sensor's own rate (100, 250, 400, 400 Hz).
+    key
+        A typed key; ``jax.random.key(0)`` unless told otherwise. Every channel has a stream of its own.
+    channels
+        Which to draw; all by default.
+
+    Returns
+    -------
+    Recording
+        SI units, named ``simulated mti-g``.
+
+    Raises
+    ------
+    ValueError
+        Unknown sensor or channel.
+    """
+    models = sensor_models(sensor)
+    chosen = tuple(models) if channels is None else tuple(channels)
+    for channel in chosen:
+        if channel not in models:
+            raise ValueError(f"{sensor} has no channel {channel!r}; it has {', '.join(models)}.")
+    key = jax.random.key(0) if key is None else key
+    columns = [
+        np.asarray(simulate(models[c], num_samples, key=jax.random.fold_in(key, zlib.crc32(c.encode()))))
+        for c in chosen
+    ]
+    units = tuple("rad/s" if c.startswith("gyro") else "m/s^2" for c in chosen)
+    return Recording.from_array(
+        np.column_stack(columns), rate=_sensor(sensor).rate, units=units, channels=chosen, name=f"simulated {sensor}"
+    )
+
+
+def _sensor(name: str) -> Sensor:
+    if name not in SENSORS:
+        raise ValueError(f"There is no sensor {name!r}; there are: {', '.join(SENSORS)}.")
+    return SENSORS[name]

@@ -9,9 +9,9 @@ problem, and what is left is a smooth function of the few shapes alone (variable
     r(u) = y - B(u) c(u),    c(u) = argmin_{c >= 0} |y - B(u) c|.
 
 A component that the data do not want gets exactly zero; nothing crawls along a boundary. Levenberg-Marquardt runs on r
-from many starts at once (`minimise`), and the lowest end is taken. Its Jacobian is Kaufman's (1975): dr = -P dB c, with P the
-projection off the passive columns; the gradient dr' r = -r' dB c is exact, and what is left out of dr is proportional
-to r.
+from many starts at once (`minimise`), and the lowest end is taken. Its Jacobian is Kaufman's (1975): dr = -P dB c,
+with P the projection off the passive columns; the gradient dr' r = -r' dB c is exact, and what is left out of dr is
+proportional to r.
 """
 
 from typing import NamedTuple

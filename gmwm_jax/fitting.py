@@ -11,11 +11,12 @@ from jaxtyping import Float
 from gmwm_jax._check import require_x64, sampling_rate
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.estimate import NUM_DESCENTS, NUM_ROUNDS, Data, Layout, Solution, minimise
+from gmwm_jax.estimates import ZERO
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
-from gmwm_jax.result import ZERO, Fit, Fits, Status
+from gmwm_jax.result import Fit, Fits, Status
 from gmwm_jax.start import lattice
 from gmwm_jax.variance import WaveletVariance, wavelet_variance
 

@@ -156,14 +156,14 @@ def plot_fit(fit: Fit, *, datasheet: Any = None, axes: Sequence[Axes] | None = N
     top.set_xlabel("")
     top.set_ylim(np.min(wv.ci_low) / 4, np.max(wv.ci_high) * 3)
     top.set_title(f"{wv.channels[0]}: {' + '.join(fit.model.labels)}, objective {fit.objective:.5g}")
-    upper = np.where(fit.residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
+    half = np.where(fit.residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
     bottom.axhspan(-1, 1, color=_DATA, alpha=0.12, lw=0, label=f"{100 * wv.level:g} % interval of one scale")
     bottom.axhline(0, color="0.4", lw=0.8)
-    bottom.plot(wv.times, fit.residuals / upper, "o", color=_FIT, ms=4)
-    bottom.set_ylabel("residual\n[half widths of CI]")
+    bottom.plot(wv.times, fit.residuals / half, "o", color=_FIT, ms=4)
+    bottom.set_ylabel("residual\n[half CI]")
     bottom.set_xlabel(_time_label(wv))
     bottom.legend(fontsize=8, loc="best")
-    limit = max(1.3, 1.15 * float(np.max(np.abs(fit.residuals / upper))))
+    limit = max(1.3, 1.15 * float(np.max(np.abs(fit.residuals / half))))
     bottom.set_ylim(-limit, limit)
     return figure
 
@@ -182,9 +182,9 @@ def plot_fits(fits: Fits, *, datasheet: Any = None) -> Figure:
         plot_fit(fit, datasheet=datasheet, axes=(top, bottom))
         top.set_title(f"{fit.wv.channels[0]}, objective {fit.objective:.5g}", fontsize=10)
         top.tick_params(labelbottom=False)
-        if i:
-            top.get_legend().remove()
-            bottom.get_legend().remove()
+        for legend in (top.get_legend(), bottom.get_legend()):
+            if i and legend is not None:
+                legend.remove()
     return figure
 
 

@@ -1,7 +1,7 @@
 """What a fit is: the estimates, how sure they are, in which units, and how well they describe the data."""
 
 import enum
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax import units as units_
 from gmwm_jax._check import sampling_rate
 from gmwm_jax._table import format_table, number
+from gmwm_jax.estimates import ZERO, EstimateTable, continuous_table, parameter_table
 from gmwm_jax.inference import delta_method, normal_quantile, parameter_covariance
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.variance import WaveletVariance
@@ -28,48 +28,6 @@ class Status(enum.Enum):
     converged = "converged"
     stalled = "stopped at the step limit with a slope left: the objective is close to its minimum, not at it"
     non_finite = "no finite objective: the wavelet variance or the weights are beyond floating point"
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One number with its interval."""
-
-    component: str
-    symbol: str
-    value: float
-    unit: str
-    ci_low: float = np.nan
-    ci_high: float = np.nan
-    note: str = ""
-    meaning: str = ""
-
-
-@dataclass(frozen=True, repr=False)
-class EstimateTable:
-    """Estimates that print themselves; ``table["GM_1", "q"]`` is one of them."""
-
-    title: str
-    estimates: tuple[Estimate, ...]
-    level: float
-
-    def __getitem__(self, key: tuple[str, str]) -> Estimate:
-        for e in self.estimates:
-            if (e.component, e.symbol) == key:
-                return e
-        known = ", ".join(f"{e.component!r}, {e.symbol!r}" for e in self.estimates)
-        raise KeyError(f"No estimate {key}; there are {known}.")
-
-    def __iter__(self) -> Iterator[Estimate]:
-        return iter(self.estimates)
-
-    def __repr__(self) -> str:
-        """An aligned table."""
-        head = ["component", "quantity", "estimate", f"{100 * self.level:g} % low", "high", "unit", "note"]
-        rows = [
-            [e.component, e.symbol, number(e.value), number(e.ci_low), number(e.ci_high), e.unit, e.note]
-            for e in self.estimates
-        ]
-        return f"{self.title}\n{format_table(head, rows, left=2)}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,21 +139,7 @@ class Fit:
 
     def parameters(self) -> EstimateTable:
         """The parameters per sample, with intervals symmetric on the log (for phi: logit) scale."""
-        z = normal_quantile(self.level)
-        errors = self._errors(_on_the_line)
-        estimates, at = [], 0
-        for label, p in zip(self.model.labels, self.model.processes, strict=True):
-            for q, value in zip(p.parameters, p.values, strict=True):
-                note = self._note(label, p, q.name)
-                low = high = np.nan
-                if at in self.active:
-                    x = q.to_line(value)
-                    low, high = float(q.from_line(x - z * errors[at])), float(q.from_line(x + z * errors[at]))
-                shown = np.nan if note == UNSEEN else float(value)
-                unit = q.unit.format(u=self.unit)
-                estimates.append(Estimate(label, q.name, shown, unit, low, high, note, q.meaning))
-                at += 1
-        return EstimateTable("Parameters per sample", tuple(estimates), self.level)
+        return parameter_table(self.model, self.unit, **self._uncertainty())
 
     def continuous(self, rate: float | None = None) -> EstimateTable:
         """What a Kalman filter wants: continuous-time quantities in SI.
@@ -208,60 +152,20 @@ class Fit:
         rate
             Sampling rate in Hz, if the data do not know theirs.
         """
-        return self._quantities(
-            "Continuous time, SI",
-            rate,
-            lambda form: (*form.filter, *(q for q in form.datasheet if q.symbol == "tau_c")),
-            lambda quantity: quantity.si_unit(self.unit),
-        )
+        return continuous_table(self.model, self._rate(rate), self.unit, **self._uncertainty())
 
     def datasheet(self, rate: float | None = None) -> EstimateTable:
         """The same in the units of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
-        return self._quantities(
-            "Datasheet units", rate, lambda form: form.datasheet, lambda q: q.datasheet_units(self.unit)[0]
-        )
+        return continuous_table(self.model, self._rate(rate), self.unit, datasheet=True, **self._uncertainty())
 
-    def _quantities(
-        self,
-        title: str,
-        rate: float | None,
-        choose: Callable[[units_.ContinuousForm], tuple[units_.Quantity, ...]],
-        unit_of: Callable[[units_.Quantity], str],
-    ) -> EstimateTable:
-        f = self._rate(rate)
-        chosen = tuple(choose(units_.CONTINUOUS[p.kind]) for p in self.model.processes)
-        logs = _LogQuantities(chosen, f)
-        values, errors = np.exp(np.asarray(logs(self.model))), self._errors(logs)
-        z, at, estimates = normal_quantile(self.level), 0, []
-        for label, p, quantities in zip(self.model.labels, self.model.processes, chosen, strict=True):
-            for q in quantities:
-                value, error = float(values[at]), float(errors[at])
-                note = self._note(label, p, p.parameters[0 if q.suffix is None else -1].name)
-                if np.isnan(value):
-                    note = "none for phi <= 0"
-                if note == UNSEEN:
-                    value = np.nan
-                si, unit = q.si_unit(self.unit), unit_of(q)
-                value /= 1.0 if unit == si else units_.unit(unit).factor
-                factor = np.exp(z * error) if error > 0 else np.nan
-                estimates.append(
-                    Estimate(label, q.symbol, value, unit, value / factor, value * factor, note, q.meaning)
-                )
-                at += 1
-        return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), self.level)
+    def _uncertainty(self) -> dict[str, Any]:
+        z = normal_quantile(self.level)
+        return {"z": z, "level": self.level, "errors": self._errors, "boundary": self.at_boundary}
 
     def _rate(self, rate: float | None) -> float:
         if rate is not None and self.rate is not None and rate != self.rate:
             raise ValueError(f"rate={rate} was given, and the fit knows {self.rate} Hz.")
         return sampling_rate(self.rate if rate is None else rate)
-
-    def _note(self, label: str, process: Any, parameter: str | None) -> str:
-        boundary = self.at_boundary.get(label, "")
-        if boundary == ZERO and parameter is not None and parameter != process.parameters[-1].name:
-            return "fixed" if parameter in process.fixed else UNSEEN
-        if boundary:
-            return boundary
-        return "fixed" if parameter in process.fixed else ""
 
     def summary(self) -> str:
         """All of it as text."""
@@ -287,10 +191,6 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain numbers and texts, for JSON; what is not identified is None."""
-
-        def table(t: EstimateTable) -> list[dict[str, Any]]:
-            return [{k: _plain(v) for k, v in vars(e).items()} for e in t]
-
         result = {
             "channel": self.wv.channels[0],
             "unit": self.unit,
@@ -300,15 +200,15 @@ class Fit:
             "objective": self.objective,
             "status": self.status.value,
             "agreement": self.agreement,
-            "parameters": table(self.parameters()),
+            "parameters": self.parameters().to_list(),
             "scales": self.wv.scales.tolist(),
             "variance": self.wv.variance.tolist(),
             "fitted": self.fitted.tolist(),
             "components": {k: v.tolist() for k, v in self.decomposition().items()},
         }
         if self.rate:
-            result["continuous"] = table(self.continuous())
-            result["datasheet"] = table(self.datasheet())
+            result["continuous"] = self.continuous().to_list()
+            result["datasheet"] = self.datasheet().to_list()
         return result
 
     def plot(self, **options: Any) -> "Figure":
@@ -355,29 +255,3 @@ class Fits(Mapping[str, Fit]):
         from gmwm_jax.plot import plot_fits
 
         return plot_fits(self, **options)
-
-
-ZERO = "at boundary: zero"
-UNSEEN = "not identified"
-
-
-@dataclass(frozen=True)
-class _LogQuantities:
-    """The logs of continuous-time quantities of all components, as a hashable function of the model."""
-
-    quantities: tuple[tuple[units_.Quantity, ...], ...]
-    rate: float
-
-    def __call__(self, model: Composite) -> Any:
-        pairs = zip(model.processes, self.quantities, strict=True)
-        return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
-
-
-def _on_the_line(model: Composite) -> Any:
-    return model.unconstrained()
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

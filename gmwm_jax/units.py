@@ -14,6 +14,7 @@ calibration"; Guerrier et al. (2013).
 """
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -90,7 +91,7 @@ UNITS: dict[str, Unit] = _table()
 _SPELLINGS = (
     ("µ", "u"), ("μ", "u"), ("°", "deg"), ("√", "sqrt"), ("²", "^2"), ("³", "^3"), ("**", "^"), ("·", "*"),
     ("sqrthr", "sqrt(h)"), ("hr", "h"), ("sqrtHz", "sqrt(Hz)"), ("sqrth", "sqrt(h)"), ("sqrts", "sqrt(s)"),
-    ("rt(Hz)", "sqrt(Hz)"), ("sqsqrt", "sqrt"), ("dps", "deg/s"), ("s/s", "s^2"),
+    ("rt(Hz)", "sqrt(Hz)"), ("sqsqrt", "sqrt"), ("dps", "deg/s"),
 )  # fmt: skip
 
 
@@ -112,6 +113,7 @@ def unit(name: str) -> Unit:
         return UNITS[plain]
     for written, meant in _SPELLINGS:
         plain = plain.replace(written, meant)
+    plain = re.sub(r"s/s\b", "s^2", plain)  # m/s/s, but not the start of deg/s/sqrt(Hz)
     if plain in UNITS:
         return UNITS[plain]
     head = plain.split("/")[0]
@@ -233,6 +235,10 @@ _GM_DATASHEET = (
     Quantity("sqrt(q)", "driving noise density", "/sqrt(s)",
              lambda beta, variance, f: jnp.sqrt(2 * beta * f * variance),
              gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)")),
+    # the PSD is flat, q/beta^2, below the corner: over times much longer than tau_c it is white noise of this density
+    Quantity("N_0", "density as white noise, far beyond tau_c", "/sqrt(Hz)",
+             lambda beta, variance, f: jnp.sqrt(2 * variance / (beta * f)),
+             gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)")),
 )  # fmt: skip
 _GM_FILTER = (
     Quantity("beta", "inverse correlation time", None, lambda beta, variance, f: beta * f, unit="1/s"),

@@ -4,7 +4,7 @@ import os
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -69,7 +69,7 @@ class WaveletVariance:
         rate: float | None = None,
         unit: str = "1",
         name: str = "",
-    ) -> Self:
+    ) -> "WaveletVariance":
         """Build from published values of one channel.
 
         Parameters

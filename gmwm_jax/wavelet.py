@@ -5,7 +5,8 @@ Haar MODWT coefficient of level j, span tau_j = 2^j, is
 
     W_{j,t} = (S_{j-1,t} - S_{j-1,t-n}) / tau_j,    n = 2^(j-1),    t = tau_j - 1 .. N - 1,
 
-and nu_j^2 is the mean of W_{j,t}^2 over these M_j = N - tau_j + 1 values (none touches the ends: "brick wall"). It is half the Allan variance at the averaging time n samples. The DWT keeps every 2^j-th of them.
+and nu_j^2 is the mean of W_{j,t}^2 over these M_j = N - tau_j + 1 values (none touches the ends: "brick wall"). It is
+half the Allan variance at the averaging time n samples. The DWT keeps every 2^j-th of them.
 
 The interval is chi-square with eta_j = max(M_j/2^j, 1) degrees of freedom ("eta 3" of Percival 1995).
 

@@ -10,10 +10,10 @@ of large N, where it becomes an integral over the spectrum.)
 
 The sum has 2N terms for each pair of scales. But gamma_jk is smooth between nine kinks, the lags at which an edge or
 the middle of one filter meets one of the other's, and varies there on the scale of the distance to the nearest kink
-(or of a correlation time, when it has died out before the panels grow longer). Hence a graded quadrature: panels that double
-in length away from every kink, and in each a Gauss rule *for sums over integers*, whose orthogonal polynomials are the
-discrete Chebyshev (Gram) polynomials; exact for polynomials up to degree 2Q - 1 and, on panels of up to Q points, for
-everything. Even and odd lags are summed apart, so that an AR1 with phi < 0 is smooth as well.
+(or of a correlation time, when it has died out before the panels grow longer). Hence a graded quadrature: panels that
+double in length away from every kink, and in each a Gauss rule *for sums over integers*, whose orthogonal polynomials
+are the discrete Chebyshev (Gram) polynomials; exact for polynomials up to degree 2Q - 1 and, on panels of up to Q
+points, for everything. Even and odd lags are summed apart, so that an AR1 with phi < 0 is smooth as well.
 """
 
 from functools import lru_cache

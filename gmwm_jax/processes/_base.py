@@ -10,7 +10,7 @@ One more process is one file that derives from `AbstractProcess`, one entry in `
 import abc
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -65,7 +65,7 @@ class AbstractProcess(eqx.Module):
         """Amplitude of the covariance."""
         return self.amplitude_of(self.values[-1])
 
-    def fix(self, *names: str) -> Self:
+    def fix(self, *names: str) -> "AbstractProcess":
         """Return a copy whose named parameters (all that have values if none is named) are held in estimation."""
         known = [p.name for p in self.parameters]
         for n in names:
@@ -210,7 +210,7 @@ class AbstractProcess(eqx.Module):
         return jnp.stack([p.to_line(v) for v, p in zip(self.values, self.parameters, strict=True)])
 
     @classmethod
-    def from_unconstrained(cls, vector: Float[Array, " P"]) -> Self:
+    def from_unconstrained(cls, vector: Float[Array, " P"]) -> "AbstractProcess":
         """Inverse of `unconstrained`."""
         build: Any = cls
         return build(**{p.name: p.from_line(x) for x, p in zip(vector, cls.parameters, strict=True)})

@@ -188,7 +188,10 @@ class AR1(AbstractProcess):
     @classmethod
     def unit_psd(cls, shape, frequency):  # noqa: D102
         (phi,) = shape
-        return 1 / ((1 - phi) ** 2 + 4 * phi * jnp.sin(jnp.pi * frequency) ** 2)
+        # of the two forms the one whose terms are both positive
+        half = jnp.pi * frequency
+        low, high = (1 - phi) ** 2 + 4 * phi * jnp.sin(half) ** 2, (1 + phi) ** 2 - 4 * phi * jnp.cos(half) ** 2
+        return 1 / jnp.where(phi < 0, high, low)
 
     @classmethod
     def unit_autocovariance(cls, shape, lag):  # noqa: D102

@@ -55,7 +55,7 @@ def parse_model(text: str) -> Composite:
             raise ValueError(f"Unknown process {term['kind']!r} in the model {text!r}. Known: {', '.join(PROCESSES)}.")
         cls = PROCESSES[kind]
         arguments = _arguments(term["arguments"] or "", cls, text)
-        if term["count"] == "0":
+        if term["count"] and int(term["count"]) == 0:
             raise ValueError(f"The model {text!r} takes {kind} 0 times: leave it out.")
         processes += [cls(**arguments) for _ in range(int(term["count"] or 1))]
         at = term.end()
@@ -79,6 +79,8 @@ def _arguments(text: str, cls: type[AbstractProcess], model: str) -> dict[str, A
             raise ValueError(
                 f"{cls.kind} has no parameter {match['name']!r} (in {model!r}); it has {', '.join(known)}."
             )
+        if match["name"] in values:
+            raise ValueError(f"{cls.kind}: {match['name']} is given twice in the model {model!r}.")
         value = float(match["value"])
         values[match["name"]] = Fixed(value) if match["fixed"] else value
     return values

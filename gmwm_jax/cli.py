@@ -1,0 +1,243 @@
+"""The command line: ``gmwm-jax wv | fit | units | data | demo``. A leaf: arguments in, tables and files out."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from matplotlib.figure import Figure
+
+from gmwm_jax import datasets
+from gmwm_jax._files import write_atomically
+from gmwm_jax.allan import allan_deviation, read_off
+from gmwm_jax.datasheet import from_datasheet
+from gmwm_jax.demo import run_demo
+from gmwm_jax.estimates import continuous_table
+from gmwm_jax.fitting import fit as fit_model
+from gmwm_jax.io import read_recording, save_recording
+from gmwm_jax.processes.registry import parse_model
+from gmwm_jax.recording import Recording
+from gmwm_jax.result import Fit
+from gmwm_jax.units import convert, signal_unit
+from gmwm_jax.variance import wavelet_variance
+
+app = typer.Typer(
+    help="Noise models of inertial sensors from static recordings (wavelet variance, GMWM).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+data_app = typer.Typer(help="Named data sets: public recordings, and simulated ones.", no_args_is_help=True)
+app.add_typer(data_app, name="data")
+
+File = Annotated[
+    Path, typer.Argument(help="Recording: .npy, .npz, .csv, .tsv, .txt, .parquet, .rda; or the name of a data set.")
+]
+Channels = Annotated[str, typer.Option(help="'all', or names separated by commas; a group such as 'gyro' too.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate in Hz, if the file does not state it.")]
+Unit = Annotated[
+    str | None, typer.Option(help="Unit of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'.")
+]
+Time = Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the results as JSON; '-' for the screen.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).")]
+
+
+@app.command()
+def wv(
+    file: File,
+    channels: Channels = "all",
+    rate: Rate = None,
+    unit: Unit = None,
+    time: Time = None,
+    method: Annotated[str, typer.Option(help="modwt or dwt.")] = "modwt",
+    levels: Annotated[int | None, typer.Option(help="Number of scales; floor(log2 N) - 1 by default.")] = None,
+    allan: Annotated[bool, typer.Option("--allan", help="Allan deviation, with N, B and K read off.")] = False,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Wavelet variance (or Allan deviation) with confidence intervals."""
+    rec = _read(file, channels, rate, unit, time)
+    result = wavelet_variance(rec, method=method, num_levels=levels)
+    to_screen = json_file is not None and str(json_file) == "-"
+    if allan:
+        adev = allan_deviation(result)
+        if not to_screen:
+            typer.echo(adev)
+            for i, name in enumerate(result.channels):
+                typer.echo(f"\n{name}: {read_off(adev[i])}")
+        _write_figure(plot, lambda: adev.plot())
+    else:
+        if not to_screen:
+            typer.echo(result)
+        _write_figure(plot, lambda: result.plot())
+    per_channel = {
+        name: {"unit": one.units[0], "variance": one.variance, "ci_low": one.ci_low, "ci_high": one.ci_high}
+        for name, one in result.items()
+    }
+    _write_json(
+        json_file,
+        {"rate": rec.rate, "num_samples": len(rec), "scales": result.scales, "level": 0.95, "channels": per_channel},
+    )
+
+
+@app.command()
+def fit(
+    file: File,
+    model: Annotated[str, typer.Option(help='For example "WN + RW + 2*GM" or "WN + GM(beta=0.01 fixed)".')],
+    channels: Channels = "all",
+    rate: Rate = None,
+    unit: Unit = None,
+    time: Time = None,
+    datasheet: Annotated[
+        str | None, typer.Option(help="Datasheet entries to draw: 'N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)'.")
+    ] = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Fit a noise model to each channel: parameters with intervals, for a filter and as a datasheet has them."""
+    rec = _read(file, channels, rate, unit, time)
+    fits = fit_model(wavelet_variance(rec), model, throw=False)
+    singles = [fits] if isinstance(fits, Fit) else list(fits.values())
+    if json_file is None or str(json_file) != "-":
+        for one in singles:
+            typer.echo(f"{one}\n")
+        if not isinstance(fits, Fit):
+            typer.echo(fits)
+    line = None if datasheet is None else from_datasheet(_pairs(datasheet), rec.rate)[0]
+    _write_figure(plot, lambda: fits.plot(datasheet=line))
+    _write_json(json_file, [one.to_dict() for one in singles])
+
+
+@app.command()
+def units(
+    value: Annotated[float | None, typer.Argument(help="A number to convert,")] = None,
+    source: Annotated[str | None, typer.Argument(help="its unit,")] = None,
+    target: Annotated[str | None, typer.Argument(help="and the unit wanted.")] = None,
+    model: Annotated[str | None, typer.Option(help="Per-sample model to continuous time and datasheet units.")] = None,
+    datasheet: Annotated[str | None, typer.Option(help="Datasheet entries 'N=0.15 deg/sqrt(h)' to a model.")] = None,
+    rate: Rate = None,
+    signal: Annotated[str, typer.Option(help="SI unit of the signal of --model: rad/s or m/s^2.")] = "rad/s",
+) -> None:
+    """Convert a number between units, or a model between per-sample, continuous-time and datasheet form.
+
+    gmwm-jax units 0.15 "deg/sqrt(h)" "rad/s/sqrt(Hz)"
+
+    gmwm-jax units --model "WN(sigma2=1e-5) + GM(beta=0.01, variance=1e-7)" --rate 100
+
+    gmwm-jax units --datasheet "N=0.15 deg/sqrt(h)" --rate 400
+    """
+    with _errors():
+        if value is not None:
+            if source is None or target is None:
+                raise ValueError('A number is converted from one unit to another: units 0.15 "deg/h" "rad/s".')
+            typer.echo(f"{value:g} {source} = {convert(value, source, target):.10g} {target}")
+        elif model is not None or datasheet is not None:
+            if rate is None:
+                raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
+            if datasheet is not None:
+                composite, signal = from_datasheet(_pairs(datasheet), rate)
+            else:
+                composite = parse_model(model or "")
+            signal = signal_unit(signal).si
+            typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n")
+            typer.echo(f"{continuous_table(composite, rate, signal)}\n")
+            typer.echo(continuous_table(composite, rate, signal, datasheet=True))
+        else:
+            raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")
+
+
+@data_app.command("list")
+def data_list() -> None:
+    """List the public recordings and the sensors that can be simulated."""
+    for name in datasets.names():
+        known = datasets.info(name)
+        typer.echo(f"{name:20s} {known.description}")
+    for name in datasets.sensors():
+        typer.echo(f"{name:20s} simulated: {', '.join(datasets.sensor_models(name))}")
+
+
+@data_app.command("fetch")
+def data_fetch(name: str) -> None:
+    """Fetch a public recording (once) and print where it is."""
+    with _errors():
+        typer.echo(datasets.fetch(name))
+
+
+@data_app.command("simulate")
+def data_simulate(
+    sensor: str,
+    out: Annotated[Path, typer.Option(help="Target, .npz.")],
+    samples: Annotated[int, typer.Option(help="Length of the record.")] = 360_000,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+) -> None:
+    """Draw a static recording of a sensor from published parameter values."""
+    import jax
+
+    with _errors():
+        rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
+        typer.echo(f"{rec}\n{save_recording(rec, out)}")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("out"),
+    samples: Annotated[int, typer.Option(help="Length of the simulated recording.")] = 1_000_000,
+) -> None:
+    """Simulate a static MTi-G recording, fit it, compare with the truth; figures and tables."""
+    run_demo(out, samples, typer.echo)
+
+
+class _errors:
+    """Turn errors of input into one line on the screen and exit code 1."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if isinstance(error, ValueError | KeyError | OSError | ImportError):
+            text = error.args[0] if isinstance(error, KeyError) else error
+            typer.echo(f"Error: {text}", err=True)
+            raise typer.Exit(1) from error
+
+
+def _read(file: Path, channels: str, rate: float | None, unit: str | None, time: str | None) -> Recording:
+    with _errors():
+        units = None if unit is None else _pairs(unit) if "=" in unit else unit
+        if str(file) in datasets.names() and not file.exists():
+            file = datasets.fetch(str(file))
+        column = int(time) if time is not None and time.isdigit() else time
+        rec = read_recording(file, rate=rate, units=units, time=column)
+        if channels == "all":
+            return rec
+        return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
+
+
+def _pairs(text: str) -> dict[str, str]:
+    pairs = {}
+    for part in text.split(","):
+        name, equals, value = part.partition("=")
+        if not equals:
+            raise ValueError(f"Cannot read {part.strip()!r}: expected name=value, several separated by commas.")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def _write_json(path: Path | None, content: Any) -> None:
+    if path is None:
+        return
+    text = json.dumps(content, indent=1, default=lambda array: array.tolist(), allow_nan=False)
+    if str(path) == "-":
+        typer.echo(text)
+    else:
+        write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def _write_figure(path: Path | None, draw: Any) -> None:
+    if path is None:
+        return
+    import matplotlib
+
+    matplotlib.use("Agg")
+    figure: Figure = draw()
+    write_atomically(path, lambda file: figure.savefig(file, format=path.suffix.lstrip(".") or "png", dpi=150))

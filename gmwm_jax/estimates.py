@@ -1,0 +1,198 @@
+"""Tables of a model's parameters: per sample, in continuous time, in datasheet units, with intervals if known."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from gmwm_jax import units as units_
+from gmwm_jax._check import sampling_rate
+from gmwm_jax._table import format_table, number
+from gmwm_jax.processes._base import AbstractProcess, Composite
+from gmwm_jax.processes.registry import as_model
+
+ZERO = "at boundary: zero"
+UNSEEN = "not identified"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number with its interval; NaN where there is none."""
+
+    component: str
+    symbol: str
+    value: float
+    unit: str
+    ci_low: float = np.nan
+    ci_high: float = np.nan
+    note: str = ""
+    meaning: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class EstimateTable:
+    """Estimates that print themselves; ``table["GM_1", "q"]`` is one of them."""
+
+    title: str
+    estimates: tuple[Estimate, ...]
+    level: float = 0.95
+
+    def __getitem__(self, key: tuple[str, str]) -> Estimate:
+        for e in self.estimates:
+            if (e.component, e.symbol) == key:
+                return e
+        known = ", ".join(f"({e.component!r}, {e.symbol!r})" for e in self.estimates)
+        raise KeyError(f"No estimate {key}; there are {known}.")
+
+    def __iter__(self) -> Iterator[Estimate]:
+        return iter(self.estimates)
+
+    def __len__(self) -> int:
+        return len(self.estimates)
+
+    def __repr__(self) -> str:
+        """An aligned table, without the columns that are empty."""
+        head = ["component", "quantity", "estimate", f"{100 * self.level:g} % low", "high", "unit", "note"]
+        rows = [
+            [e.component, e.symbol, number(e.value), number(e.ci_low), number(e.ci_high), e.unit, e.note]
+            for e in self.estimates
+        ]
+        intervals = any(np.isfinite(e.ci_low) for e in self.estimates)
+        notes = any(e.note for e in self.estimates)
+        kept = [i for i in range(7) if (intervals or i not in (3, 4)) and (notes or i != 6)]
+        return f"{self.title}\n{format_table([head[i] for i in kept], [[r[i] for i in kept] for r in rows], left=2)}"
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Plain dictionaries for JSON; None where there is no number."""
+        return [
+            {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in vars(e).items()} for e in self
+        ]
+
+
+Errors = Callable[[Callable[[Composite], Array]], np.ndarray]
+"""Standard errors of a vector-valued (hashable) function of the model."""
+
+
+def no_errors(quantity: Callable[[Composite], Array]) -> np.ndarray:
+    """Return NaN for every entry: for models that were not estimated."""
+    return np.full(1000, np.nan)
+
+
+def parameter_table(
+    model: Composite, unit: str, *, z: float, level: float, errors: Errors, boundary: Mapping[str, str]
+) -> EstimateTable:
+    """Parameters per sample, with intervals symmetric on the log (for phi: logit) scale.
+
+    Parameters
+    ----------
+    model, unit
+        All parameters given; SI unit of the signal.
+    z, level
+        Normal quantile and confidence of the intervals.
+    errors
+        Standard errors on the real line, zero or NaN for what was not estimated.
+    boundary
+        Label -> note, for components at a boundary.
+    """
+    spread = z * errors(on_the_line)
+    estimates, at = [], 0
+    for label, p in zip(model.labels, model.processes, strict=True):
+        for q, value in zip(p.parameters, p.values, strict=True):
+            note = _note(boundary.get(label, ""), p, q.name)
+            low = high = np.nan
+            if spread[at] > 0:
+                x = q.to_line(value)
+                low, high = float(q.from_line(x - spread[at])), float(q.from_line(x + spread[at]))
+            shown = np.nan if note == UNSEEN else float(value)
+            estimates.append(Estimate(label, q.name, shown, q.unit.format(u=unit), low, high, note, q.meaning))
+            at += 1
+    return EstimateTable("Parameters per sample", tuple(estimates), level)
+
+
+def continuous_table(
+    model: str | AbstractProcess | Composite,
+    rate: float,
+    unit: str,
+    *,
+    datasheet: bool = False,
+    z: float = np.nan,
+    level: float = 0.95,
+    errors: Errors = no_errors,
+    boundary: Mapping[str, str] | None = None,
+) -> EstimateTable:
+    """Continuous-time quantities of a model, in SI or in the units of datasheets.
+
+    Parameters
+    ----------
+    model
+        All parameters given.
+    rate
+        Sampling rate in Hz.
+    unit
+        SI unit of the signal: ``rad/s``, ``m/s^2`` or another.
+    datasheet
+        False: q, beta, 1/beta as a Kalman filter wants them, SI. True: N, K, Q, LSB, R, sigma in deg/sqrt(h) etc.
+    z, level, errors, boundary
+        As of `parameter_table`; without them there are no intervals.
+
+    Returns
+    -------
+    EstimateTable
+    """
+    model = as_model(model)
+    for p in model.processes:
+        p.require_complete()
+    f = sampling_rate(rate)
+    chosen = []
+    for p in model.processes:
+        form = units_.CONTINUOUS[p.kind]
+        times = tuple(q for q in form.datasheet if q.symbol == "tau_c")
+        chosen.append(form.datasheet if datasheet else (*form.filter, *times))
+    logs = LogQuantities(tuple(chosen), f)
+    values, spread = np.exp(np.asarray(logs(model))), z * errors(logs)
+    estimates, at = [], 0
+    for label, p, quantities in zip(model.labels, model.processes, chosen, strict=True):
+        for q in quantities:
+            value, factor = float(values[at]), np.exp(spread[at]) if spread[at] > 0 else np.nan
+            # a quantity with a unit of its own is a time: it belongs to the shape, not to the amplitude
+            note = _note((boundary or {}).get(label, ""), p, p.parameters[0 if q.suffix is None else -1].name)
+            if np.isnan(value):
+                note = "none for phi <= 0"
+            if note == UNSEEN:
+                value = np.nan
+            si = q.si_unit(unit)
+            shown = q.datasheet_units(unit)[0] if datasheet else si
+            value /= 1.0 if shown == si else units_.unit(shown).factor
+            estimates.append(Estimate(label, q.symbol, value, shown, value / factor, value * factor, note, q.meaning))
+            at += 1
+    title = "Datasheet units" if datasheet else "Continuous time, SI"
+    return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), level)
+
+
+@dataclass(frozen=True)
+class LogQuantities:
+    """The logs of continuous-time quantities of all components, as a hashable function of the model."""
+
+    quantities: tuple[tuple[units_.Quantity, ...], ...]
+    rate: float
+
+    def __call__(self, model: Composite) -> Array:
+        """Logs of all quantities, component by component."""
+        pairs = zip(model.processes, self.quantities, strict=True)
+        return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
+
+
+def on_the_line(model: Composite) -> Array:
+    """All parameters mapped to the real line."""
+    return model.unconstrained()
+
+
+def _note(boundary: str, process: AbstractProcess, parameter: str) -> str:
+    if parameter in process.fixed:
+        return "fixed"
+    if boundary == ZERO and parameter != process.parameters[-1].name:
+        return UNSEEN
+    return boundary
