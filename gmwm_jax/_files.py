@@ -1,7 +1,7 @@
 """Writing files so that they are there whole or not at all."""
 
 import os
-import tempfile
+import secrets
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -16,15 +16,19 @@ def write_atomically(path: str | os.PathLike, write: Callable[[IO[bytes]], Any])
         Target; its folder is made if it is not there.
     write
         Writes bytes into the open file.
+
+    Returns
+    -------
+    `path`.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
+    # opened by name, not by tempfile, whose files nobody else may read
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:
             write(file)
         os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    finally:
+        temporary.unlink(missing_ok=True)
     return path

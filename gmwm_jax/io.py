@@ -1,41 +1,31 @@
 """Recordings from files and back: NumPy, Parquet, R data and text.
 
-Each format is opened as a `_Table`: its columns' names and number, what the file states of itself, and a way to load
-some of the columns. The rest (choice of columns, rate, units) is the same for all formats.
+Each format is opened as `Columns`, text in `gmwm_jax._text`, the others here. The rest (choice of columns, rate, units)
+is the same for all formats.
 """
 
-import codecs
-import csv
 import difflib
 import importlib
 import os
-import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gmwm_jax._check import sampling_rate
+from gmwm_jax._columns import Columns, plain_names
+from gmwm_jax._files import write_atomically
 from gmwm_jax._known_files import KNOWN_FILES, recognise
+from gmwm_jax._text import TEXT_SUFFIXES, open_text
+from gmwm_jax._timebase import rate_of_time
 from gmwm_jax._typing import FloatLike, Names
-from gmwm_jax.recording import Recording, rate_of_time
+from gmwm_jax.recording import Recording
 
-_TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
 _SAVED = ("data", "rate", "channels", "units", "name")
 _RATE_TOLERANCE = 0.01
-
-
-class _Table(NamedTuple):
-    names: tuple[str, ...] | None
-    count: int
-    load: Callable[[list[int]], Sequence[np.ndarray]]
-    """Column numbers -> those columns, each (N,)."""
-    rate: float | None = None
-    units: tuple[str, ...] | None = None
-    title: str | None = None
 
 
 def read_recording(
@@ -102,8 +92,8 @@ def read_recording(
             table = table._replace(rate=table.rate or known.rate, units=known.units)
         elif units is not None and table.units is not None:
             raise ValueError(f"The file states its units ({', '.join(table.units)}): leave out units=...")
-        timed = None if time is None else _position(time, table)
-        wanted = range(table.count) if columns is None else [_position(column, table) for column in columns]
+        timed = None if time is None else table.position(time)
+        wanted = range(table.count) if columns is None else [table.position(column) for column in columns]
         picked = [i for i in wanted if i != timed]
         if not picked:
             raise ValueError("No column is left to read besides that of time.")
@@ -124,7 +114,8 @@ def read_recording(
 def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     """Write a recording to an ``.npz`` file that `read_recording` reads back without further arguments.
 
-    The file appears complete or not at all: an interruption leaves one that was there before untouched.
+    The file appears complete or not at all: an interruption leaves one that was there before untouched. Its folder is
+    made if it is not there.
 
     Raises
     ------
@@ -134,15 +125,8 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     file = Path(path)
     if file.suffix.lower() != ".npz":
         raise ValueError(f"Recordings are saved as .npz, and the path is {file}.")
-    part = file.with_name(f".{file.name}.{os.getpid()}.part")
     arrays: dict[str, Any] = {key: np.asarray(getattr(recording, key)) for key in _SAVED}
-    try:
-        with part.open("wb") as stream:
-            np.savez(stream, **arrays)
-        os.replace(part, file)
-    finally:
-        part.unlink(missing_ok=True)
-    return file
+    return write_atomically(file, lambda stream: np.savez(stream, **arrays))
 
 
 def import_optional(module: str) -> Any:
@@ -163,7 +147,7 @@ def _require_file(file: Path) -> None:
     raise FileNotFoundError(f"There is no file {file.resolve()}.{hint}")
 
 
-def _open(file: Path, delimiter: str | None, header: int | None, variable: str | None) -> _Table:
+def _open(file: Path, delimiter: str | None, header: int | None, variable: str | None) -> Columns:
     match file.suffix.lower():
         case ".npy" | ".npz":
             return _open_numpy(file, variable)
@@ -171,9 +155,11 @@ def _open(file: Path, delimiter: str | None, header: int | None, variable: str |
             return _open_parquet(file)
         case ".rda" | ".rdata":
             return _open_r(file, variable)
-        case suffix if suffix in _TEXT:
-            return _open_text(file, delimiter, header)
-    raise ValueError(f"Unknown suffix {file.suffix!r}; read are .npy .npz .parquet .rda .rdata {' '.join(_TEXT)}")
+        case suffix if suffix in TEXT_SUFFIXES:
+            return open_text(file, delimiter, header)
+    raise ValueError(
+        f"Unknown suffix {file.suffix!r}; read are .npy .npz .parquet .rda .rdata {' '.join(TEXT_SUFFIXES)}"
+    )
 
 
 @contextmanager
@@ -188,24 +174,6 @@ def _parsing(kind: str) -> Iterator[None]:
             f"This is no {kind} file, or it is truncated or corrupt: fetch or save it again. "
             f"({type(error).__name__}: {error})"
         ) from error
-
-
-def _plain_names(names: Iterable[Any]) -> tuple[str, ...]:
-    plain = (re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_") for name in names)
-    return tuple(name or f"column_{i}" for i, name in enumerate(plain))
-
-
-def _position(column: int | str, table: _Table) -> int:
-    """Return the number of a column given by name or number."""
-    names = table.names or ()
-    if isinstance(column, str):
-        for name in (column, *_plain_names([column])):
-            if name in names:
-                return names.index(name)
-    elif 0 <= column < table.count:
-        return column
-    seen = f": {', '.join(names)}" if names else " without names"
-    raise ValueError(f"There is no column {column!r}; the file has {table.count}, numbered from 0{seen}.")
 
 
 def _only(names: Sequence[str], variable: str | None) -> str:
@@ -239,16 +207,16 @@ def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
     return rate
 
 
-def _matrix(values: np.ndarray, names: Iterable[Any] | None = None, rate: float | None = None) -> _Table:
+def _matrix(values: np.ndarray, names: Iterable[Any] | None = None, rate: float | None = None) -> Columns:
     """Make a table of a vector or matrix."""
     if values.ndim not in (1, 2):
         raise ValueError(f"A recording has the shape (N,) or (N, C), time on axis 0, and this one {values.shape}.")
     columns = values[:, None] if values.ndim == 1 else values
-    plain = None if names is None else _plain_names(names)
-    return _Table(plain, columns.shape[1], lambda picked: [columns[:, i] for i in picked], rate)
+    plain = None if names is None else plain_names(names)
+    return Columns(plain, columns.shape[1], lambda picked: [columns[:, i] for i in picked], rate)
 
 
-def _open_numpy(file: Path, variable: str | None) -> _Table:
+def _open_numpy(file: Path, variable: str | None) -> Columns:
     with file.open("rb") as stream:
         with _parsing("NumPy"):
             loaded = np.load(stream, allow_pickle=False)
@@ -264,7 +232,7 @@ def _open_numpy(file: Path, variable: str | None) -> _Table:
     return _matrix(data, rate=rate)._replace(names=tuple(channels), units=tuple(units), title=name)
 
 
-def _open_parquet(file: Path) -> _Table:
+def _open_parquet(file: Path) -> Columns:
     parquet = import_optional("pyarrow.parquet")
     with _parsing("Parquet"):
         names = parquet.read_schema(file).names
@@ -274,10 +242,10 @@ def _open_parquet(file: Path) -> _Table:
             table = parquet.read_table(file, columns=[names[i] for i in picked])
         return [table[names[i]].to_numpy() for i in picked]
 
-    return _Table(_plain_names(names), len(names), load)
+    return Columns(plain_names(names), len(names), load)
 
 
-def _open_r(file: Path, variable: str | None) -> _Table:
+def _open_r(file: Path, variable: str | None) -> Columns:
     """Open an R data file; an object of class ``imu`` (of the R packages gmwm and simts) states its rate."""
     rdata = import_optional("rdata")
     constructors = {
@@ -293,8 +261,8 @@ def _open_r(file: Path, variable: str | None) -> _Table:
     value, attributes = found if isinstance(found, tuple) else (found, {})
     rate = float(attributes["freq"][0]) if "freq" in attributes else None
     if hasattr(value, "iloc"):  # a data frame
-        names = _plain_names(value.columns)
-        return _Table(names, len(names), lambda picked: [np.asarray(value.iloc[:, i]) for i in picked])
+        names = plain_names(value.columns)
+        return Columns(names, len(names), lambda picked: [np.asarray(value.iloc[:, i]) for i in picked])
     if hasattr(value, "coords"):  # an array with names along some of its axes
         names = value.coords.get(value.dims[1]) if value.ndim == 2 else None
         return _matrix(value.values, None if names is None else names.values, rate)
@@ -303,98 +271,3 @@ def _open_r(file: Path, variable: str | None) -> _Table:
     if isinstance(value, np.ndarray):
         return _matrix(value, rate=rate)
     raise ValueError(f"The R object is a {type(value).__name__}, and no numeric vector, matrix or data frame.")
-
-
-def _open_text(file: Path, delimiter: str | None, header: int | None) -> _Table:
-    with file.open("rb") as stream:  # Latin-1 reads any file, and numbers are ASCII
-        encoding = "utf-8-sig" if stream.read(3) == codecs.BOM_UTF8 else "latin-1"
-    with file.open(encoding=encoding) as stream:
-        head, line = _head(stream, delimiter, header)
-    comment = next((text.lstrip()[0] for text in head if _is_comment(text)), "#")
-    first = line.partition(comment)[0]
-    separator = delimiter or _sniff(first)
-    count = len(_split(first, separator))
-    names = _names(head, separator, count)
-
-    def rows() -> Iterator[tuple[int, list[str]]]:
-        with file.open(encoding=encoding) as stream:
-            for number, line in enumerate(stream, start=1):
-                text = line.partition(comment)[0].rstrip("\r\n")
-                if number > len(head) and text.strip():
-                    yield number, _split(text, separator)
-
-    def load(picked: list[int]) -> list[np.ndarray]:
-        whole = len(set(picked)) == count
-        layout: Any = {"delimiter": separator, "comments": comment, "quotechar": '"', "encoding": encoding}
-        try:
-            values = np.loadtxt(file, skiprows=len(head), ndmin=2, usecols=None if whole else picked, **layout)
-        except ValueError:
-            _check_rows(rows(), count, picked)
-            raise
-        if whole:
-            return [values[:, i] for i in picked]
-        _check_rows(rows(), count, [])  # loadtxt does not count the fields of a line when it leaves some out
-        return list(values.T)
-
-    if header is None and names is None and any(text.strip() and not _is_comment(text) for text in head):
-        raise ValueError(
-            f"The line of names does not match the {count} columns of the first line of data. Skip it by "
-            f"header={len(head)} and give channels=..."
-        )
-    return _Table(names, count, load)
-
-
-def _head(stream: Iterator[str], delimiter: str | None, header: int | None) -> tuple[list[str], str]:
-    """Return the lines before the data, and the first line of data."""
-    head: list[str] = []
-    named = header is not None
-    for line in stream:
-        text = line.rstrip("\r\n")
-        if len(head) >= (header or 0) and text.strip() and not _is_comment(text):
-            if named or any(map(_is_number, _split(text, delimiter or _sniff(text)))):
-                return head, text
-            named = True
-        head.append(text)
-    raise ValueError("The file holds no line of data.")
-
-
-def _names(head: list[str], separator: str | None, count: int) -> tuple[str, ...] | None:
-    """Find the names: the line before the data that has a text for each column; comments come second, last first."""
-    plain = [text for text in head if not _is_comment(text)]
-    comments = [text.lstrip("#% \t") for text in reversed(head) if _is_comment(text)]
-    rows = [_split(text, separator) for text in plain + comments]
-    return next((_plain_names(r) for r in rows if len(r) == count and any(r) and not any(map(_is_number, r))), None)
-
-
-def _is_comment(text: str) -> bool:
-    return text.lstrip().startswith(("#", "%"))
-
-
-def _sniff(text: str) -> str | None:
-    return next((separator for separator in ";\t," if separator in text), None)
-
-
-def _split(text: str, separator: str | None) -> list[str]:
-    fields = next(csv.reader([text], delimiter=separator)) if separator and '"' in text else text.split(separator)
-    return [field.strip().strip('"') for field in fields]
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
-
-
-def _check_rows(rows: Iterator[tuple[int, list[str]]], count: int, picked: list[int]) -> None:
-    """Raise at the first line of data that has another number of fields, or no number where one is needed."""
-    for line, fields in rows:
-        if len(fields) != count:
-            raise ValueError(f"Line {line} has {len(fields)} fields, and the first line of data {count}: {fields}")
-        for i in picked:
-            if not fields[i]:
-                raise ValueError(f"Line {line}, column {i} is empty: repair the line or leave the column out.")
-            if not _is_number(fields[i]):
-                hint = " Write decimal commas as points." if _is_number(fields[i].replace(",", ".")) else ""
-                raise ValueError(f"Line {line}, column {i} holds the text {fields[i]!r}, not a number.{hint}")

@@ -1,9 +1,12 @@
 """Figures: log-log variances with their bands, fits with their components, residuals by scale. A leaf.
 
-Every function draws into a given Axes, or makes a Figure and returns it; none shows or saves anything.
+Every function draws into a given Axes, or makes a Figure (of pyplot, which also keeps it) and returns it; none shows,
+saves or closes anything.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -20,8 +23,12 @@ from gmwm_jax.variance import WaveletVariance
 
 _DATA, _FIT, _DATASHEET = "#1f4e79", "#c23b22", "#5b8c2a"
 _COMPONENTS = ("#e08e0b", "#7a4f9a", "#2a8f8f", "#b5628c", "#8c6d31", "#4f7fbf", "#6b6b6b")
+_ZERO = ": zero"
 _MAX_POINTS = 4000
 """In a time series: more are drawn as the band between minima and maxima."""
+
+Datasheet = str | AbstractProcess | Composite | Mapping[str, str | AbstractProcess | Composite]
+"""A model, or where the channels have several units one for each of them: ``{"rad/s": ..., "m/s^2": ...}``."""
 
 
 def plot_recording(rec: Recording) -> Figure:
@@ -38,24 +45,27 @@ def plot_recording(rec: Recording) -> Figure:
     for ax, (i, name) in zip(axes[:, 0], enumerate(rec.channels), strict=True):
         x = rec.data[:, i]
         if len(x) <= _MAX_POINTS:
-            ax.plot(np.arange(len(x)) / rec.rate, x, color=_DATA, lw=0.7)
+            ax.plot(rec.time(), x, color=_DATA, lw=0.7)
         else:
-            size = len(x) // (_MAX_POINTS // 2)
-            bins = x[: len(x) // size * size].reshape(-1, size)
-            t = (np.arange(len(bins)) + 0.5) * size / rec.rate
-            ax.fill_between(t, bins.min(1), bins.max(1), color=_DATA, alpha=0.45, lw=0, label="min .. max")
-            ax.plot(t, bins.mean(1), color=_FIT, lw=0.7, label=f"mean of {size} samples")
+            size = -(-len(x) // (_MAX_POINTS // 2))
+            first = np.arange(0, len(x), size)  # the last bin may be shorter; no sample is left out
+            count = np.diff(first, append=len(x))
+            t = (first + (count - 1) / 2) / rec.rate
+            low, high = np.minimum.reduceat(x, first), np.maximum.reduceat(x, first)
+            ax.fill_between(t, low, high, color=_DATA, alpha=0.45, lw=0, label="min .. max")
+            ax.plot(t, np.add.reduceat(x, first) / count, color=_FIT, lw=0.7, label=f"mean of {size} samples")
         ax.set_ylabel(f"{name}\n[{_pretty(rec.units[i])}]")
         ax.margins(x=0)
     if len(rec) > _MAX_POINTS:
         axes[0, 0].legend(loc="upper right", fontsize=8, ncols=2)
     axes[-1, 0].set_xlabel("time [s]")
-    axes[0, 0].set_title(f"{rec.name or 'recording'}: {len(rec)} samples at {rec.rate:g} Hz")
+    axes[0, 0].set_title(f"{rec.name or 'recording'}: {len(rec):,} samples at {rec.rate:g} Hz".replace(",", "\u2009"))
+    figure.align_ylabels()
     return figure
 
 
-def plot_wavelet_variance(wv: WaveletVariance, *, ax: Axes | None = None, datasheet: Any = None) -> Figure:
-    """Wavelet variance over scale with its confidence band; several channels in one frame if their units agree.
+def plot_wavelet_variance(wv: WaveletVariance, *, ax: Axes | None = None, datasheet: Datasheet | None = None) -> Figure:
+    """Wavelet variance over scale with its confidence band; channels of one unit share a frame.
 
     Parameters
     ----------
@@ -64,19 +74,17 @@ def plot_wavelet_variance(wv: WaveletVariance, *, ax: Axes | None = None, datash
     ax
         Where to draw (one unit only); a new figure if left out.
     datasheet
-        A model of what the datasheet promises, drawn as a line.
+        A model of what the datasheet promises, drawn as a line; by unit if there are several.
     """
-    groups = list(dict.fromkeys(wv.units))
-    figure, axes = _frames(ax, len(groups))
-    for frame, unit in zip(axes, groups, strict=True):
-        members = [i for i, u in enumerate(wv.units) if u == unit]
-        colours = [_DATA] if len(members) == 1 else _COMPONENTS
-        for colour, i in zip(colours, members, strict=False):
-            _draw_variance(frame, wv[i], colour, wv.channels[i] if len(members) > 1 else "wavelet variance")
-        if datasheet is not None:
-            _draw_datasheet(frame, wv[members[0]], datasheet)
+    models = _by_unit(datasheet, wv.units)
+    figure, frames = _frames(wv, ax)
+    for frame, unit, members in frames:
+        for colour, i, label in _members(wv, members, "wavelet variance"):
+            _draw_variance(frame, wv[i], colour, label)
+        if unit in models:
+            _draw_datasheet(frame, wv[members[0]], models[unit])
         _finish_variance(frame, wv, unit)
-        frame.set_title(wv.name or ", ".join(wv.channels[i] for i in members))
+        frame.set_title(_title(wv, members))
     return figure
 
 
@@ -88,39 +96,38 @@ def plot_allan_deviation(
     Parameters
     ----------
     adev
-        One or several channels; one frame a unit.
+        One or several channels; channels of one unit share a frame.
     ax
         Where to draw (one unit only).
     regression
-        Slopes to draw, and the deviation they imply together.
+        Slopes to draw, and the deviation they imply together; of one channel.
     """
     wv = adev.wv
-    groups = list(dict.fromkeys(wv.units))
-    figure, axes = _frames(ax, len(groups))
-    for frame, unit in zip(axes, groups, strict=True):
-        members = [i for i, u in enumerate(wv.units) if u == unit]
-        colours = [_DATA] if len(members) == 1 else _COMPONENTS
-        for colour, i in zip(colours, members, strict=False):
+    if regression is not None and not wv.is_single:
+        raise ValueError(f"Slopes belong to one channel: choose it, as in adev[{wv.channels[0]!r}].plot(...).")
+    figure, frames = _frames(wv, ax)
+    for frame, unit, members in frames:
+        for colour, i, label in _members(wv, members, "overlapping Allan deviation"):
             one = adev[i]
-            label = wv.channels[i] if len(members) > 1 else "overlapping Allan deviation"
             frame.fill_between(one.times, one.ci_low, one.ci_high, color=colour, alpha=0.18, lw=0)
             frame.loglog(one.times, one.deviation, "o-", color=colour, ms=3.5, lw=1, label=label)
         if regression is not None:
-            tau = regression.adev.wv.scales
-            for colour, label, p in zip(_COMPONENTS, regression.model.labels, regression.model.processes, strict=False):
+            times, tau = regression.adev.times, regression.adev.wv.scales
+            for colour, label, p in zip(
+                cycle(_COMPONENTS), regression.model.labels, regression.model.processes, strict=False
+            ):
                 line = np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))
-                frame.loglog(regression.adev.times, line, "--", color=colour, lw=1, label=label)
-            frame.loglog(regression.adev.times, regression.implied_deviation, color=_FIT, lw=1.4, label="sum")
-            low, high = np.min(adev.ci_low), np.max(adev.ci_high)
-            frame.set_ylim(low / 3, high * 3)
+                frame.loglog(times, line, "--", color=colour, lw=1, label=label)
+            frame.loglog(times, regression.implied_deviation, color=_FIT, lw=1.4, label="sum")
+            frame.set_ylim(_lowest(adev.ci_low) / 3, np.max(adev.ci_high) * 3)
         frame.set_xlabel("averaging time T [s]")
         frame.set_ylabel(f"Allan deviation [{_pretty(unit)}]")
-        frame.set_title(wv.name or ", ".join(wv.channels[i] for i in members))
+        frame.set_title(_title(wv, members))
         _legend(frame, wv.level)
     return figure
 
 
-def plot_fit(fit: Fit, *, datasheet: Any = None, axes: Sequence[Axes] | None = None) -> Figure:
+def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: Sequence[Axes] | None = None) -> Figure:
     """Wavelet variance, fit and components over scale; below, the residuals in half widths of the confidence interval.
 
     Parameters
@@ -128,7 +135,7 @@ def plot_fit(fit: Fit, *, datasheet: Any = None, axes: Sequence[Axes] | None = N
     fit
         The fit of one channel.
     datasheet
-        A model of what the datasheet promises, drawn as a line.
+        A model of what the datasheet promises, drawn as a line; by unit if there are several.
     axes
         Two Axes to draw into; a new figure if left out.
     """
@@ -145,17 +152,20 @@ def plot_fit(fit: Fit, *, datasheet: Any = None, axes: Sequence[Axes] | None = N
     dense = np.unique(2 * np.round(np.geomspace(wv.scales[0], wv.scales[-1], 200) / 2))
     t = dense / (wv.rate or 1.0)
     top.loglog(t, np.asarray(fit.model.wavelet_variance(dense)), color=_FIT, lw=1.6, label="fit", zorder=3)
-    for colour, label, p in zip(_COMPONENTS, fit.model.labels, fit.model.processes, strict=False):
+    for colour, label, p in zip(cycle(_COMPONENTS), fit.model.labels, fit.model.processes, strict=False):
         if float(p.amplitude) > 0:
             top.loglog(t, np.asarray(p.wavelet_variance(dense)), "--", color=colour, lw=1, label=label)
         else:
-            top.plot([], [], "--", color=colour, lw=1, label=f"{label}: zero")
-    if datasheet is not None:
-        _draw_datasheet(top, wv, datasheet)
-    _finish_variance(top, wv, wv.units[0])
+            top.plot([], [], "--", color=colour, lw=1, label=f"{label}{_ZERO}")
+    models = _by_unit(datasheet, wv.units)
+    if fit.unit in models:
+        _draw_datasheet(top, wv, models[fit.unit])
+    _finish_variance(top, wv, fit.unit)
     top.set_xlabel("")
-    top.set_ylim(np.min(wv.ci_low) / 4, np.max(wv.ci_high) * 3)
-    top.set_title(f"{wv.channels[0]}: {' + '.join(fit.model.labels)}, objective {fit.objective:.5g}")
+    top.set_ylim(_lowest(wv.ci_low) / 4, np.max(wv.ci_high) * 3)
+    kinds = Counter(p.kind for p in fit.model.processes)
+    model = " + ".join(kind if count == 1 else f"{count} {kind}" for kind, count in kinds.items())
+    top.set_title(f"{_title(wv, [0])}: {model}, objective {fit.objective:.5g}", fontsize=10)
     half = np.where(fit.residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
     bottom.axhspan(-1, 1, color=_DATA, alpha=0.12, lw=0, label=f"{100 * wv.level:g} % interval of one scale")
     bottom.axhline(0, color="0.4", lw=0.8)
@@ -168,23 +178,40 @@ def plot_fit(fit: Fit, *, datasheet: Any = None, axes: Sequence[Axes] | None = N
     return figure
 
 
-def plot_fits(fits: Fits, *, datasheet: Any = None) -> Figure:
-    """One panel a channel, see `plot_fit`."""
-    num = len(fits)
-    columns = min(num, 3)
-    rows = -(-num // columns)
-    figure = plt.figure(figsize=(4.6 * columns, 4.9 * rows), layout="constrained")
+def plot_fits(fits: Fits, *, datasheet: Datasheet | None = None) -> Figure:
+    """One panel a channel, see `plot_fit`, with one legend for all.
+
+    Parameters
+    ----------
+    fits
+        The fits of several channels.
+    datasheet
+        A model of what the datasheet promises, drawn as a line; by unit if there are several.
+    """
+    models = _by_unit(datasheet, [fit.unit for fit in fits.values()])
+    columns = min(len(fits), 3)
+    rows = -(-len(fits) // columns)
+    figure = plt.figure(figsize=(4.6 * columns, 0.5 + 4.9 * rows), layout="constrained")
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3, 1] * rows)
+    handles: dict[str, Any] = {}
     for i, fit in enumerate(fits.values()):
         row, column = divmod(i, columns)
         top = figure.add_subplot(grid[2 * row, column])
         bottom = figure.add_subplot(grid[2 * row + 1, column], sharex=top)
-        plot_fit(fit, datasheet=datasheet, axes=(top, bottom))
-        top.set_title(f"{fit.wv.channels[0]}, objective {fit.objective:.5g}", fontsize=10)
+        plot_fit(fit, datasheet=models, axes=(top, bottom))
+        zero = [
+            label for label, p in zip(fit.model.labels, fit.model.processes, strict=True) if float(p.amplitude) == 0
+        ]
+        note = f", {', '.join(zero)} zero" if zero else ""
+        top.set_title(f"{fit.wv.channels[0]}: objective {fit.objective:.4g}{note}", fontsize=10)
         top.tick_params(labelbottom=False)
-        for legend in (top.get_legend(), bottom.get_legend()):
-            if i and legend is not None:
+        for ax in (top, bottom):
+            for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+                handles.setdefault(label.removesuffix(_ZERO), handle)
+            legend = ax.get_legend()
+            if legend is not None:
                 legend.remove()
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(len(handles), 3 * columns))
     return figure
 
 
@@ -193,14 +220,14 @@ def _draw_variance(ax: Axes, wv: WaveletVariance, colour: str, label: str) -> No
     ax.loglog(wv.times, wv.variance, "o-", color=colour, ms=3.5, lw=1, label=label)
 
 
-def _draw_datasheet(ax: Axes, wv: WaveletVariance, datasheet: str | AbstractProcess | Composite) -> None:
-    nu = np.asarray(as_model(datasheet).wavelet_variance(wv.scales))
+def _draw_datasheet(ax: Axes, wv: WaveletVariance, model: Composite) -> None:
+    nu = np.asarray(model.wavelet_variance(wv.scales))
     ax.loglog(wv.times, nu, "-.", color=_DATASHEET, lw=1.4, label="datasheet")
 
 
 def _finish_variance(ax: Axes, wv: WaveletVariance, unit: str) -> None:
     ax.set_xlabel(_time_label(wv))
-    ax.set_ylabel(f"wavelet variance [({_pretty(unit)})²]")
+    ax.set_ylabel("wavelet variance [1]" if unit == "1" else f"wavelet variance [({_pretty(unit)})²]")
     _legend(ax, wv.level)
 
 
@@ -219,13 +246,52 @@ def _pretty(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³")
 
 
-def _frames(ax: Axes | None, num: int) -> tuple[Figure, list[Axes]]:
-    if ax is not None:
-        if num > 1:
-            raise ValueError(f"The channels have {num} different units and need an Axes each: leave ax out.")
-        return _figure_of(ax), [ax]
-    figure, axes = plt.subplots(1, num, squeeze=False, figsize=(0.6 + 6 * num, 4.6), layout="constrained")
-    return figure, list(axes[0])
+def _lowest(values: np.ndarray) -> float:
+    """The smallest value that a logarithmic axis can show."""
+    return float(np.min(values[values > 0]))
+
+
+def _title(wv: WaveletVariance, members: Sequence[int]) -> str:
+    names = ", ".join(wv.channels[i] for i in members)
+    return names if wv.name in ("", names) else f"{wv.name}, {names}"
+
+
+def _members(wv: WaveletVariance, members: Sequence[int], single: str) -> Iterator[tuple[str, int, str]]:
+    """Colour, number and label of the channels in one frame."""
+    if len(members) == 1:
+        yield _DATA, members[0], single
+    else:
+        yield from ((colour, i, wv.channels[i]) for colour, i in zip(cycle(_COMPONENTS), members, strict=False))
+
+
+def _by_unit(datasheet: Datasheet | None, units: Sequence[str]) -> dict[str, Composite]:
+    """Unit -> model; a single model is for the only unit there is."""
+    if datasheet is None:
+        return {}
+    if isinstance(datasheet, Mapping):
+        return {unit: as_model(model) for unit, model in datasheet.items()}
+    if len(set(units)) > 1:
+        raise ValueError(
+            f"The channels have the units {', '.join(dict.fromkeys(units))}, and a datasheet model belongs to one: "
+            'give datasheet={"rad/s": ...}.'
+        )
+    return {units[0]: as_model(datasheet)}
+
+
+def _frames(wv: WaveletVariance, ax: Axes | None) -> tuple[Figure, list[tuple[Axes, str, list[int]]]]:
+    """A frame for each unit, with the numbers of the channels that it shows."""
+    members: dict[str, list[int]] = {}
+    for i, unit in enumerate(wv.units):
+        members.setdefault(unit, []).append(i)
+    if ax is None:
+        width = 0.6 + 6 * len(members)
+        figure, axes = plt.subplots(1, len(members), squeeze=False, figsize=(width, 4.6), layout="constrained")
+        chosen = list(axes[0])
+    elif len(members) == 1:
+        figure, chosen = _figure_of(ax), [ax]
+    else:
+        raise ValueError(f"The channels have {len(members)} different units and need an Axes each: leave ax out.")
+    return figure, [(frame, unit, who) for frame, (unit, who) in zip(chosen, members.items(), strict=True)]
 
 
 def _figure_of(ax: Axes) -> Figure:

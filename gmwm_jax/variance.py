@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import finite_record, positive, sampling_rate
+from gmwm_jax._check import as_float, finite_record, positive, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.recording import Recording
 from gmwm_jax.wavelet import (
@@ -239,7 +239,7 @@ def wavelet_variance(
             nu = host_wavelet_variance(x, J, scratch=scratch)
         else:
             finite_record(np.asarray(x), channel)
-            nu = np.asarray(haar_dwt_variance(np.asarray(x, dtype=np.float64), J))  # pyright: ignore[reportArgumentType]
+            nu = np.asarray(haar_dwt_variance(as_float(x), J))
         if np.any(nu <= 0):
             raise ValueError(
                 f"{channel} does not change over spans of {2 ** (int(np.argmin(nu > 0)) + 1)} samples: a constant or "

@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from gmwm_jax._check import finite_record
 from gmwm_jax.wavelet import check_num_levels
@@ -30,7 +30,7 @@ _BLOCK = 1 << 15
 
 
 def host_wavelet_variance(
-    x: Float[np.ndarray, " N"], num_levels: int | None = None, *, scratch: str | os.PathLike | None = None
+    x: Shaped[np.ndarray, " N"], num_levels: int | None = None, *, scratch: str | os.PathLike | None = None
 ) -> Float[np.ndarray, " J"]:
     """Haar MODWT wavelet variance of an array or memory map.
 
@@ -56,6 +56,8 @@ def host_wavelet_variance(
     J = check_num_levels(num, num_levels)
     m = min(J, _FINE_LEVELS)
     origin = float(np.mean(x[:_BLOCK]))  # a constant changes no coefficient; without it the sums stay small
+    if not np.isfinite(origin):
+        finite_record(np.asarray(x))
     # Blocks do not depend on each other, and NumPy leaves the interpreter lock: one thread a core.
     workers = os.cpu_count() or 1
     with _sums(num, scratch) as S, ThreadPoolExecutor(workers) as pool:
@@ -106,9 +108,10 @@ def _sums(num: int, scratch: str | os.PathLike | None) -> Iterator[np.ndarray]:
         del S
 
 
+@np.errstate(invalid="ignore", over="ignore")  # inf - inf: the caller names the sample
 def _fine_levels(
     x: np.ndarray, starts: Iterable[int], origin: float, m: int, S_m: np.ndarray
-) -> Float[np.ndarray, " m"]:
+) -> Float[np.ndarray, " fine"]:
     """Energies of levels 1..m of the coefficients that end in the blocks; their sums S_m are stored."""
     before = (1 << m) - 1
     buffers = np.empty((3, _BLOCK + before))
@@ -116,7 +119,7 @@ def _fine_levels(
     for start in starts:
         stop = min(start + _BLOCK, x.shape[0])
         first = max(start - before, 0)
-        S = np.subtract(x[first:stop], origin, out=buffers[0, : stop - first])
+        S = np.subtract(x[first:stop], origin, out=buffers[0, : stop - first], dtype=np.float64)
         for j in range(m):
             n = 1 << j
             if n >= S.size:  # only in a first block that is shorter than the span
@@ -133,7 +136,8 @@ def _fine_levels(
     return energy
 
 
-def _coarse_levels(S_m: np.ndarray, firsts: Iterable[int], width: int, m: int, J: int) -> Float[np.ndarray, " J-m"]:
+@np.errstate(invalid="ignore", over="ignore")  # inf - inf: the caller names the sample
+def _coarse_levels(S_m: np.ndarray, firsts: Iterable[int], width: int, m: int, J: int) -> Float[np.ndarray, " coarse"]:
     """Energies of levels m+1..J from the sums S_m, by slabs of columns first <= t mod 2^m < first + width."""
     period = 1 << m
     rows = S_m.shape[0] // period
@@ -158,4 +162,4 @@ def _coarse_levels(S_m: np.ndarray, firsts: Iterable[int], width: int, m: int, J
 
 def _energy(D: np.ndarray) -> float:
     """Sum of squares, in pieces too short for BLAS to wake its own threads, which would fight with ours."""
-    return sum(float(np.dot(D[i : i + 8192], D[i : i + 8192])) for i in range(0, D.size, 8192))
+    return sum((float(np.dot(D[i : i + 8192], D[i : i + 8192])) for i in range(0, D.size, 8192)), 0.0)

@@ -81,7 +81,7 @@ def _panels(first: int, last: int, graded_left: bool, graded_right: bool) -> lis
 @lru_cache(maxsize=16)
 def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
     """Nodes and weights for a record of N samples and levels 1..J."""
-    tau = scales(num_levels).astype(int)
+    tau = [int(t) for t in scales(num_levels)]
     M = num_coefficients(num_samples, num_levels)
     parts = []
     for pair, (j, k) in enumerate(zip(*np.tril_indices(num_levels), strict=True)):

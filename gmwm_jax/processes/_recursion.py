@@ -35,7 +35,8 @@ def first_order_recursion(
         return lax.scan(step, jnp.asarray(start, dtype=e.dtype), e)[1]
     num_blocks = -(-num // _BLOCK)
     blocks = jnp.pad(e, (0, num_blocks * _BLOCK - num)).reshape(num_blocks, _BLOCK)
-    powers = phi ** jnp.arange(_BLOCK + 1, dtype=e.dtype)
+    # phi^0 apart: its derivative at phi = 0 would be NaN
+    powers = jnp.concatenate([jnp.ones(1, dtype=e.dtype), phi ** jnp.arange(1, _BLOCK + 1, dtype=e.dtype)])
     a, b = jnp.arange(_BLOCK)[:, None], jnp.arange(_BLOCK)[None, :]
     toeplitz = jnp.where(a >= b, powers[jnp.maximum(a - b, 0)], 0.0)
     inside = blocks @ toeplitz.T

@@ -196,7 +196,9 @@ class AR1(AbstractProcess):
     @classmethod
     def unit_autocovariance(cls, shape, lag):  # noqa: D102
         (phi,) = shape
-        return phi**lag / ((1 - phi) * (1 + phi))
+        # phi^0 apart: its derivative at phi = 0 would be NaN
+        power = jnp.where(lag == 0, 1.0, phi ** jnp.where(lag == 0, 1.0, lag))
+        return power / ((1 - phi) * (1 + phi))
 
     @classmethod
     def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102

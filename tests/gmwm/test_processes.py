@@ -179,6 +179,29 @@ def test_second_derivatives(case):
             assert derivative_error(case, values, taus, hessian[:, index, index], index, 2) < 1e-9, values
 
 
+@pytest.mark.parametrize("case", rows(stationary=True))
+def test_gradient_of_the_autocovariance(case):
+    """At phi = 0 as well, where the derivative of phi^0 must not become 0/0."""
+    lags = jnp.arange(6.0)
+
+    def autocovariance(v):
+        return case.cls(*v).autocovariance(lags)
+
+    forward, reverse = jax.jit(jax.jacfwd(autocovariance)), jax.jit(jax.jacrev(autocovariance))
+    for values in case.parameters:
+        f, r = forward(jnp.asarray(values)), reverse(jnp.asarray(values))
+        np.testing.assert_allclose(f, r, rtol=1e-12, err_msg=str(values))
+        for index in range(len(values)):
+
+            def of_one(x, lag, values=values, index=index):
+                parameters = exact(values)
+                parameters[index] = x
+                return case.autocovariance(*parameters, 6)[lag]
+
+            expected = [float(MP.diff(lambda x, lag=lag: of_one(x, lag), MP.mpf(values[index]))) for lag in range(6)]
+            np.testing.assert_allclose(f[:, index], expected, rtol=1e-10, atol=1e-60, err_msg=str(values))
+
+
 def test_new_parameter_values_do_not_retrace():
     """Values are arrays in the pytree: a loop over parameters compiles once."""
     function = CountTraces(lambda model, tau: model.wavelet_variance(tau))

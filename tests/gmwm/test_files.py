@@ -1,0 +1,34 @@
+"""Files are there whole or not at all, and as readable as any other."""
+
+import os
+
+import pytest
+
+from gmwm_jax._files import write_atomically
+
+
+def test_the_folder_is_made_and_the_file_is_whole(tmp_path):
+    path = tmp_path / "a" / "b" / "x.txt"
+    assert write_atomically(path, lambda file: file.write(b"whole")) == path
+    assert path.read_bytes() == b"whole"
+    assert [p.name for p in path.parent.iterdir()] == ["x.txt"]
+
+
+def test_permissions_are_those_of_an_ordinary_file(tmp_path):
+    (tmp_path / "plain").touch()
+    path = write_atomically(tmp_path / "x", lambda file: None)
+    assert os.stat(path).st_mode == os.stat(tmp_path / "plain").st_mode
+
+
+@pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
+def test_an_interruption_leaves_the_old_file(tmp_path, error):
+    (tmp_path / "x").write_bytes(b"old")
+
+    def interrupted(file):
+        file.write(b"ne")
+        raise error("stop")
+
+    with pytest.raises(error, match="stop"):
+        write_atomically(tmp_path / "x", interrupted)
+    assert (tmp_path / "x").read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["x"]
