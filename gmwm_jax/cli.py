@@ -1,9 +1,12 @@
 """The command line: ``gmwm-jax wv | fit | units | data | demo``. A leaf: arguments in, tables and files out."""
 
+import functools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
+import matplotlib.pyplot as plt
 import typer
 from matplotlib.figure import Figure
 
@@ -30,6 +33,33 @@ app = typer.Typer(
 data_app = typer.Typer(help="Named data sets: public recordings, and simulated ones.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
 
+
+def _command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a function a command that turns errors of input into one message and exit code 1."""
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(function)
+        def run(*args: Any, **options: Any) -> None:
+            try:
+                function(*args, **options)
+            except (ValueError, KeyError, OSError, ImportError) as error:
+                text = error.args[0] if isinstance(error, KeyError) else error
+                typer.echo(f"Error: {text}", err=True)
+                raise typer.Exit(1) from error
+
+        return group.command(name)(run)
+
+    return register
+
+
+def _figure_file(path: Path | None) -> Path | None:
+    if path is not None and path.suffix.lower() not in _FIGURES:
+        raise typer.BadParameter(f"figures are {', '.join(_FIGURES)}, not {str(path)!r}")
+    return path
+
+
+_FIGURES = (".png", ".pdf", ".svg")
+
 File = Annotated[
     Path, typer.Argument(help="Recording: .npy, .npz, .csv, .tsv, .txt, .parquet, .rda; or the name of a data set.")
 ]
@@ -40,10 +70,10 @@ Unit = Annotated[
 ]
 Time = Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the results as JSON; '-' for the screen.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).", callback=_figure_file)]
 
 
-@app.command()
+@_command(app)
 def wv(
     file: File,
     channels: Channels = "all",
@@ -81,7 +111,7 @@ def wv(
     )
 
 
-@app.command()
+@_command(app)
 def fit(
     file: File,
     model: Annotated[str, typer.Option(help='For example "WN + RW + 2*GM" or "WN + GM(beta=0.01 fixed)".')],
@@ -97,6 +127,10 @@ def fit(
 ) -> None:
     """Fit a noise model to each channel: parameters with intervals, for a filter and as a datasheet has them."""
     rec = _read(file, channels, rate, unit, time)
+    lines = None
+    if datasheet is not None:
+        promised, signal = from_datasheet(_pairs(datasheet), rec.rate)
+        lines = {signal: promised}
     fits = fit_model(wavelet_variance(rec), model, throw=False)
     singles = [fits] if isinstance(fits, Fit) else list(fits.values())
     if json_file is None or str(json_file) != "-":
@@ -104,12 +138,11 @@ def fit(
             typer.echo(f"{one}\n")
         if not isinstance(fits, Fit):
             typer.echo(fits)
-    line = None if datasheet is None else from_datasheet(_pairs(datasheet), rec.rate)[0]
-    _write_figure(plot, lambda: fits.plot(datasheet=line))
+    _write_figure(plot, lambda: fits.plot(datasheet=lines))
     _write_json(json_file, [one.to_dict() for one in singles])
 
 
-@app.command()
+@_command(app)
 def units(
     value: Annotated[float | None, typer.Argument(help="A number to convert,")] = None,
     source: Annotated[str | None, typer.Argument(help="its unit,")] = None,
@@ -127,27 +160,26 @@ def units(
 
     gmwm-jax units --datasheet "N=0.15 deg/sqrt(h)" --rate 400
     """
-    with _errors():
-        if value is not None:
-            if source is None or target is None:
-                raise ValueError('A number is converted from one unit to another: units 0.15 "deg/h" "rad/s".')
-            typer.echo(f"{value:g} {source} = {convert(value, source, target):.10g} {target}")
-        elif model is not None or datasheet is not None:
-            if rate is None:
-                raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
-            if datasheet is not None:
-                composite, signal = from_datasheet(_pairs(datasheet), rate)
-            else:
-                composite = parse_model(model or "")
-            signal = signal_unit(signal).si
-            typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n")
-            typer.echo(f"{continuous_table(composite, rate, signal)}\n")
-            typer.echo(continuous_table(composite, rate, signal, datasheet=True))
+    if value is not None:
+        if source is None or target is None:
+            raise ValueError('A number is converted from one unit to another: units 0.15 "deg/h" "rad/s".')
+        typer.echo(f"{value:g} {source} = {convert(value, source, target):.10g} {target}")
+    elif model is not None or datasheet is not None:
+        if rate is None:
+            raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
+        if datasheet is not None:
+            composite, signal = from_datasheet(_pairs(datasheet), rate)
         else:
-            raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")
+            composite = parse_model(model or "")
+        signal = signal_unit(signal).si
+        typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n")
+        typer.echo(f"{continuous_table(composite, rate, signal)}\n")
+        typer.echo(continuous_table(composite, rate, signal, datasheet=True))
+    else:
+        raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")
 
 
-@data_app.command("list")
+@_command(data_app, "list")
 def data_list() -> None:
     """List the public recordings and the sensors that can be simulated."""
     for name in datasets.names():
@@ -157,14 +189,13 @@ def data_list() -> None:
         typer.echo(f"{name:20s} simulated: {', '.join(datasets.sensor_models(name))}")
 
 
-@data_app.command("fetch")
+@_command(data_app, "fetch")
 def data_fetch(name: str) -> None:
     """Fetch a public recording (once) and print where it is."""
-    with _errors():
-        typer.echo(datasets.fetch(name))
+    typer.echo(datasets.fetch(name))
 
 
-@data_app.command("simulate")
+@_command(data_app, "simulate")
 def data_simulate(
     sensor: str,
     out: Annotated[Path, typer.Option(help="Target, .npz.")],
@@ -174,12 +205,11 @@ def data_simulate(
     """Draw a static recording of a sensor from published parameter values."""
     import jax
 
-    with _errors():
-        rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
-        typer.echo(f"{rec}\n{save_recording(rec, out)}")
+    rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
+    typer.echo(f"{rec}\n{save_recording(rec, out)}")
 
 
-@app.command()
+@_command(app)
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("out"),
     samples: Annotated[int, typer.Option(help="Length of the simulated recording.")] = 1_000_000,
@@ -188,29 +218,15 @@ def demo(
     run_demo(out, samples, typer.echo)
 
 
-class _errors:
-    """Turn errors of input into one line on the screen and exit code 1."""
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if isinstance(error, ValueError | KeyError | OSError | ImportError):
-            text = error.args[0] if isinstance(error, KeyError) else error
-            typer.echo(f"Error: {text}", err=True)
-            raise typer.Exit(1) from error
-
-
 def _read(file: Path, channels: str, rate: float | None, unit: str | None, time: str | None) -> Recording:
-    with _errors():
-        units = None if unit is None else _pairs(unit) if "=" in unit else unit
-        if str(file) in datasets.names() and not file.exists():
-            file = datasets.fetch(str(file))
-        column = int(time) if time is not None and time.isdigit() else time
-        rec = read_recording(file, rate=rate, units=units, time=column)
-        if channels == "all":
-            return rec
-        return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
+    units = None if unit is None else _pairs(unit) if "=" in unit else unit
+    if str(file) in datasets.names() and not file.exists():
+        file = datasets.fetch(str(file))
+    column = int(time) if time is not None and time.isdigit() else time
+    rec = read_recording(file, rate=rate, units=units, time=column)
+    if channels == "all":
+        return rec
+    return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
 
 
 def _pairs(text: str) -> dict[str, str]:
@@ -233,11 +249,10 @@ def _write_json(path: Path | None, content: Any) -> None:
         write_atomically(path, lambda file: file.write(text.encode()))
 
 
-def _write_figure(path: Path | None, draw: Any) -> None:
+def _write_figure(path: Path | None, draw: Callable[[], Figure]) -> None:
     if path is None:
         return
-    import matplotlib
-
-    matplotlib.use("Agg")
-    figure: Figure = draw()
-    write_atomically(path, lambda file: figure.savefig(file, format=path.suffix.lstrip(".") or "png", dpi=150))
+    plt.switch_backend("Agg")
+    figure = draw()
+    write_atomically(path, lambda file: figure.savefig(file, format=path.suffix.lower().lstrip("."), dpi=150))
+    plt.close(figure)

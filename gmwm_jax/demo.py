@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import matplotlib.pyplot as plt
 
 from gmwm_jax import datasets
 from gmwm_jax._files import write_atomically
@@ -37,7 +37,7 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
     Fits
         One fit a channel.
     """
-    matplotlib.use("Agg")
+    plt.switch_backend("Agg")
     rec = datasets.simulated(_SENSOR, num_samples)
     say(f"{rec}\n")
     wv = wavelet_variance(rec)
@@ -57,6 +57,7 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
     }
     for name, figure in figures.items():
         write_atomically(out / name, lambda file, figure=figure: figure.savefig(file, format="png", dpi=140))
+        plt.close(figure)
     tables = "\n\n".join([*(f.summary() for f in fits.values()), repr(fits), comparison])
     write_atomically(out / "noise_model.txt", lambda file: file.write(f"{tables}\n".encode()))
     content = json.dumps([f.to_dict() for f in fits.values()], indent=1, allow_nan=False)

@@ -119,7 +119,7 @@ def plot_allan_deviation(
                 line = np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))
                 frame.loglog(times, line, "--", color=colour, lw=1, label=label)
             frame.loglog(times, regression.implied_deviation, color=_FIT, lw=1.4, label="sum")
-            frame.set_ylim(_lowest(adev.ci_low) / 3, np.max(adev.ci_high) * 3)
+            frame.set_ylim(_lowest(adev.ci_low, adev.deviation) / 3, np.max(adev.ci_high) * 3)
         frame.set_xlabel("averaging time T [s]")
         frame.set_ylabel(f"Allan deviation [{_pretty(unit)}]")
         frame.set_title(_title(wv, members))
@@ -162,7 +162,7 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: Sequence[Axe
         _draw_datasheet(top, wv, models[fit.unit])
     _finish_variance(top, wv, fit.unit)
     top.set_xlabel("")
-    top.set_ylim(_lowest(wv.ci_low) / 4, np.max(wv.ci_high) * 3)
+    top.set_ylim(_lowest(wv.ci_low, wv.variance) / 4, np.max(wv.ci_high) * 3)
     kinds = Counter(p.kind for p in fit.model.processes)
     model = " + ".join(kind if count == 1 else f"{count} {kind}" for kind, count in kinds.items())
     top.set_title(f"{_title(wv, [0])}: {model}, objective {fit.objective:.5g}", fontsize=10)
@@ -198,7 +198,7 @@ def plot_fits(fits: Fits, *, datasheet: Datasheet | None = None) -> Figure:
         row, column = divmod(i, columns)
         top = figure.add_subplot(grid[2 * row, column])
         bottom = figure.add_subplot(grid[2 * row + 1, column], sharex=top)
-        plot_fit(fit, datasheet=models, axes=(top, bottom))
+        plot_fit(fit, datasheet=models.get(fit.unit), axes=(top, bottom))
         zero = [
             label for label, p in zip(fit.model.labels, fit.model.processes, strict=True) if float(p.amplitude) == 0
         ]
@@ -246,13 +246,13 @@ def _pretty(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³")
 
 
-def _lowest(values: np.ndarray) -> float:
-    """The smallest value that a logarithmic axis can show."""
-    return float(np.min(values[values > 0]))
+def _lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
+    """The lower end of a logarithmic axis, which has no place for an interval that starts at zero."""
+    return float(np.min(np.where(ci_low > 0, ci_low, estimate)))
 
 
 def _title(wv: WaveletVariance, members: Sequence[int]) -> str:
-    names = ", ".join(wv.channels[i] for i in members)
+    names = ", ".join(wv.channels[i] for i in members) if len(members) < 5 else f"{len(members)} channels"
     return names if wv.name in ("", names) else f"{wv.name}, {names}"
 
 
@@ -269,6 +269,8 @@ def _by_unit(datasheet: Datasheet | None, units: Sequence[str]) -> dict[str, Com
     if datasheet is None:
         return {}
     if isinstance(datasheet, Mapping):
+        if not set(datasheet) & set(units):
+            raise ValueError(f"The datasheet is about {', '.join(datasheet)}, and the data are in {', '.join(units)}.")
         return {unit: as_model(model) for unit, model in datasheet.items()}
     if len(set(units)) > 1:
         raise ValueError(

@@ -24,7 +24,7 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 
 MP = mpmath.mp.clone()
-"""A context of its own, so that no other test changes its precision. The GM closed form loses 3 log10(1/beta) digits."""
+"""A context of its own: no other test changes its precision. The closed form of GM loses 3 log10(1/beta) digits."""
 MP.dps = 80
 
 
@@ -139,7 +139,7 @@ CASES = (
     ),
 )
 
-# -- the table, for pytest.mark.parametrize -------------------------------------------------------------------------
+# -- the table, for pytest.mark.parametrize --------------------------------------------------------------------------
 
 
 def rows(**only: Any) -> list[Any]:
@@ -151,7 +151,7 @@ def row_of(kind: str) -> Case:
     return next(c for c in CASES if c.cls.kind == kind)
 
 
-# -- what follows from a row ----------------------------------------------------------------------------------------
+# -- what follows from a row -----------------------------------------------------------------------------------------
 
 
 def exact(values: tuple[float, ...]) -> list[Any]:

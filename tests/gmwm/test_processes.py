@@ -45,7 +45,7 @@ def test_every_process_has_a_row():
     assert {c.cls.kind: c.cls for c in CASES} == PROCESSES
 
 
-# -- wavelet variance -------------------------------------------------------------------------------------------------
+# -- wavelet variance ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", rows())
@@ -61,9 +61,10 @@ def test_textbook_formula_is_the_sum_over_lags(case):
 def test_wavelet_variance_is_the_sum_over_lags(case):
     for values in case.parameters:
         taus = SUMMED + ODD_HALVES
-        assert relative_error(
-            case.cls(*values).wavelet_variance(taus), defined_wavelet_variance(case, values, taus)
-        ) < 1e-13, values
+        assert (
+            relative_error(case.cls(*values).wavelet_variance(taus), defined_wavelet_variance(case, values, taus))
+            < 1e-13
+        ), values
 
 
 @pytest.mark.parametrize("case", rows())
@@ -111,7 +112,7 @@ def test_reference_wavelet_variances(shared):
     assert skipped == {"MA1", "ARMA11", "ARMA"}, "a process was added: its reference rows are compared now"
 
 
-# -- derivatives --------------------------------------------------------------------------------------------------------
+# -- derivatives -----------------------------------------------------------------------------------------------------
 
 
 @lru_cache
@@ -212,7 +213,7 @@ def test_new_parameter_values_do_not_retrace():
     assert function.count == 1
 
 
-# -- spectrum and autocovariance ------------------------------------------------------------------------------------------
+# -- spectrum and autocovariance -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", [c for c in rows() if c.values[0].psd])
@@ -333,12 +334,12 @@ def test_haar_cross_covariance_is_the_double_sum(case):
             np.testing.assert_allclose(seen, expected, rtol=1e-9, atol=atol, err_msg=f"{values} {tau_j} {tau_k}")
 
 
-# -- GM and AR1 are one process -------------------------------------------------------------------------------------------
+# -- GM and AR1 are one process --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("beta", [1e-6, 1e-4, 1e-2, 0.3, 2.0, 20.0])
 def test_gm_is_ar1(beta, key):
-    """GM(beta, variance) = AR1(exp(-beta), variance (1 - phi^2)) in everything; exp(-beta) has 16 - log10(1/beta) digits."""
+    """GM(beta, variance) = AR1(exp(-beta), variance (1 - phi^2)) in everything; 1 - phi keeps 1e-16/beta of beta."""
     rtol = 1e-15 / beta + 1e-13
     gm, ar1 = GM(beta, 0.7), AR1(np.exp(-beta), -0.7 * np.expm1(-2 * beta))
     f, tau, lag = [1e-6, 0.01, 0.5], [2.0**j for j in range(1, 21)], np.arange(50.0)
@@ -352,7 +353,7 @@ def test_gm_is_ar1(beta, key):
     np.testing.assert_allclose(*covariance, rtol=100 * rtol)
 
 
-# -- parameters -----------------------------------------------------------------------------------------------------------
+# -- parameters ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", rows())
@@ -413,9 +414,7 @@ def test_amplitude_scales_the_wavelet_variance(case):
     process = case.cls(*values)
     np.testing.assert_allclose(case.cls.value_of(process.amplitude), values[-1], rtol=1e-15)
     doubled = case.cls(*values[:-1], case.cls.value_of(2 * process.amplitude))
-    np.testing.assert_allclose(
-        doubled.wavelet_variance([2, 64]), 2 * process.wavelet_variance([2, 64]), rtol=1e-14
-    )
+    np.testing.assert_allclose(doubled.wavelet_variance([2, 64]), 2 * process.wavelet_variance([2, 64]), rtol=1e-14)
 
 
 @pytest.mark.parametrize("case", rows())
@@ -429,7 +428,9 @@ def test_incomplete_process_says_what_is_missing(case, key):
         lambda: process.unconstrained(),
         lambda: (process + (GM() if case.cls is WN else WN())).wavelet_variance([2]),
     ):
-        with pytest.raises(ValueError, match=rf"{case.cls.kind} has no value for {name}.*{case.cls.kind}\({name}=\.\.\.\)"):
+        with pytest.raises(
+            ValueError, match=rf"{case.cls.kind} has no value for {name}.*{case.cls.kind}\({name}=\.\.\.\)"
+        ):
             use()
 
 
@@ -463,7 +464,7 @@ def test_single_precision_is_refused():
             assert "JAX_ENABLE_X64=1" in str(seen.value)
 
 
-# -- sums -------------------------------------------------------------------------------------------------------------------
+# -- sums ------------------------------------------------------------------------------------------------------------
 
 
 def test_plus_adds_variances():
@@ -514,7 +515,7 @@ def test_other_things_do_not_add():
         Composite(())
 
 
-# -- the coordinate that estimation searches ----------------------------------------------------------------------------
+# -- the coordinate that estimation searches -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("cls", [GM, AR1])

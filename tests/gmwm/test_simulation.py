@@ -28,7 +28,7 @@ def many(model, num_samples, key, num_records=NUM_RECORDS):
     return np.asarray(draw(jax.random.split(key, num_records)))
 
 
-# -- the recursion behind GM, AR1 and RW ---------------------------------------------------------------------------------
+# -- the recursion behind GM, AR1 and RW -----------------------------------------------------------------------------
 
 
 recursion = jax.jit(first_order_recursion)
@@ -70,7 +70,7 @@ def test_recursion_is_differentiable(phi):
         np.testing.assert_allclose(blocks, loop, rtol=1e-10, atol=1e-12)
 
 
-# -- moments ----------------------------------------------------------------------------------------------------------------
+# -- moments ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", rows())
@@ -116,7 +116,7 @@ def test_wavelet_variance_of_a_sum(key):
     assert_mean(seen, model.wavelet_variance(2.0 ** np.arange(1, 10)))
 
 
-# -- streams ----------------------------------------------------------------------------------------------------------------
+# -- streams ---------------------------------------------------------------------------------------------------------
 
 
 def test_adding_a_component_leaves_the_others_as_they_were(key):
@@ -166,9 +166,7 @@ def test_results_do_not_depend_on_vmap_or_jit(key):
 @pytest.mark.parametrize("case", rows())
 def test_longer_records_of_a_model_are_reproducible(case, key):
     values = case.parameters[0]
-    np.testing.assert_array_equal(
-        simulate(case.cls(*values), 100, key=key), simulate(case.cls(*values), 100, key=key)
-    )
+    np.testing.assert_array_equal(simulate(case.cls(*values), 100, key=key), simulate(case.cls(*values), 100, key=key))
 
 
 @pytest.mark.parametrize("case", rows())
@@ -184,7 +182,9 @@ def test_differentiable_in_parameters(case, key):
     for i in range(len(values)):
         h = np.zeros(len(values))
         h[i] = 1e-6 * values[i]
-        difference = (np.asarray(record(jnp.asarray(values + h))) - record(jnp.asarray(values - h))) / (2e-6 * values[i])
+        difference = (np.asarray(record(jnp.asarray(values + h))) - record(jnp.asarray(values - h))) / (
+            2e-6 * values[i]
+        )
         np.testing.assert_allclose(forward[:, i], difference, rtol=1e-6, atol=1e-7 * np.abs(difference).max())
 
 
@@ -196,7 +196,7 @@ def test_new_parameter_values_do_not_retrace(key, monkeypatch):
     assert counter.count == 1
 
 
-# -- refusals ---------------------------------------------------------------------------------------------------------------
+# -- refusals --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", PROCESSES)

@@ -92,7 +92,7 @@ SPELLINGS = [
 RATES = [1.0, 100.0, 400.0]
 
 
-# -- names and sizes ----------------------------------------------------------------------------------------------------
+# -- names and sizes -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("name", "si", "size"), PINNED)
@@ -111,7 +111,9 @@ def test_every_unit_has_its_inverse():
 
 
 def test_conversion_of_arrays_is_differentiable():
-    np.testing.assert_allclose(convert(np.array([1.0, 2.0]), "deg/h", "rad/s"), [4.84813681109536e-6, 9.69627362219072e-6])
+    np.testing.assert_allclose(
+        convert(np.array([1.0, 2.0]), "deg/h", "rad/s"), [4.84813681109536e-6, 9.69627362219072e-6]
+    )
     assert float(jax.grad(lambda x: convert(x, "deg/s", "rad/s"))(1.0)) == pytest.approx(DEG)
 
 
@@ -141,7 +143,7 @@ def test_units_of_different_quantities_do_not_convert(source, target):
         convert(1.0, source, target)
 
 
-# -- units of records ---------------------------------------------------------------------------------------------------
+# -- units of records ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -194,13 +196,13 @@ def test_derived_units(signal, suffix, expected):
 def test_datasheet_units_measure_the_quantity(kind, signal):
     """Every unit a quantity is shown in converts from its SI unit, and there is at least one for each sensor."""
     for quantity in CONTINUOUS[kind].datasheet:
-        assert (quantity.gyro if signal == "rad/s" else quantity.accel), f"{kind} {quantity.symbol}: no datasheet unit"
+        assert quantity.gyro if signal == "rad/s" else quantity.accel, f"{kind} {quantity.symbol}: no datasheet unit"
         for name in quantity.datasheet_units(signal):
             convert(1.0, quantity.si_unit(signal), name)
         assert quantity.datasheet_units("V") == (quantity.si_unit("V"),)
 
 
-# -- continuous time ------------------------------------------------------------------------------------------------------
+# -- continuous time -------------------------------------------------------------------------------------------------
 
 
 def test_every_process_has_a_continuous_form():

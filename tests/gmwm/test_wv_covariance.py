@@ -43,7 +43,9 @@ def dense(model, num_samples, num_levels):
     filters = []
     for j in range(1, num_levels + 1):
         row = haar_filter(2**j)[::-1] / 2**j
-        filters.append(np.array([np.roll(np.pad(row, (0, num_samples - 2**j)), t) for t in range(num_samples - 2**j + 1)]))
+        filters.append(
+            np.array([np.roll(np.pad(row, (0, num_samples - 2**j)), t) for t in range(num_samples - 2**j + 1)])
+        )
     result = np.empty((num_levels, num_levels))
     for j, H_j in enumerate(filters):
         for k, H_k in enumerate(filters[: j + 1]):
