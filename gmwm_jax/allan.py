@@ -98,6 +98,10 @@ def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = N
         At averaging times of 1, 2, 4 .. samples.
     """
     wv = wavelet_variance(data) if isinstance(data, Recording) else data
+    if wv.method != "modwt":
+        raise ValueError(
+            f"The overlapping Allan deviation is the MODWT wavelet variance; this one is of the {wv.method}."
+        )
     f = sampling_rate(wv.rate if wv.rate is not None else rate)
     if wv.rate is not None and rate is not None and rate != wv.rate:
         raise ValueError(f"rate={rate:g} was given, and the data have {wv.rate:g} Hz.")

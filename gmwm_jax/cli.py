@@ -172,9 +172,8 @@ def units(
         else:
             composite = parse_model(model or "")
         signal = signal_unit(signal).si
-        typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n")
-        typer.echo(f"{continuous_table(composite, rate, signal)}\n")
-        typer.echo(continuous_table(composite, rate, signal, datasheet=True))
+        tables = [continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
+        typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}")
     else:
         raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")
 

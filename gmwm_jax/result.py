@@ -113,9 +113,12 @@ class Fit:
 
     @cached_property
     def wv_covariance(self) -> Float[np.ndarray, "J J"] | None:
-        """Covariance of the wavelet variance under the fitted model; None if the record's length is unknown."""
-        levels = np.arange(1, self.wv.num_scales + 1)
-        if self.wv.num_samples is None or not np.array_equal(self.wv.scales, 2.0**levels):
+        """Covariance of the wavelet variance under the fitted model; None where there is no theory for it.
+
+        It needs the length of the record, all scales 2 .. 2^J, and the MODWT.
+        """
+        dyadic = np.array_equal(self.wv.scales, 2.0 ** np.arange(1, self.wv.num_scales + 1))
+        if self.wv.num_samples is None or not dyadic or self.wv.method != "modwt":
             return None
         return np.asarray(wv_covariance(self.model, self.wv.num_samples, self.wv.num_scales))
 
@@ -183,7 +186,7 @@ class Fit:
         if self.rate:
             lines += ["", str(self.continuous()), "", str(self.datasheet())]
         if self.covariance is None:
-            lines += ["", "No intervals: the length of the record is not known (give num_samples)."]
+            lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, and the MODWT."]
         return "\n".join(lines)
 
     def __repr__(self) -> str:

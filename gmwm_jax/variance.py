@@ -55,6 +55,8 @@ class WaveletVariance:
     channels: tuple[str, ...] = ("x",)
     units: tuple[str, ...] = ("1",)
     name: str = ""
+    method: str = "modwt"
+    """``modwt`` or ``dwt``."""
 
     @classmethod
     def from_table(
@@ -113,9 +115,8 @@ class WaveletVariance:
             raise ValueError(f"The interval at scale {tau[outside][0]:g} does not hold its variance, or is empty.")
         if rate is not None:
             rate = sampling_rate(rate)
-        return cls(
-            **arrays, num_samples=num_samples, level=level, rate=rate, channels=(name or "x",), units=(unit,), name=name
-        )
+        values = (arrays["variance"], arrays["ci_low"], arrays["ci_high"])
+        return cls(tau, *values, num_samples, level, rate, channels=(name or "x",), units=(unit,), name=name)
 
     @property
     def num_scales(self) -> int:
@@ -251,7 +252,7 @@ def wavelet_variance(
     if nu.ndim == 2:
         low, high = low[:, None], high[:, None]
     return WaveletVariance(
-        scales(J), nu, nu * low, nu * high, num_samples, level, rate, tuple(channels), tuple(units), name
+        scales(J), nu, nu * low, nu * high, num_samples, level, rate, tuple(channels), tuple(units), name, method
     )
 
 

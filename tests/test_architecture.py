@@ -13,27 +13,28 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
-ORDER = {
-    "gmwm_jax": """
-        _typing _check _safe _table
-        units
-        processes/__init__ processes/_parameter processes/_haar processes/_recursion
-        processes/_base
-        processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
-        processes/registry
-        simulation datasheet
-        wavelet wavelet_host
-        _columns _files _known_files _sensors _text _timebase
-        recording io datasets
-        variance
-        _nnls start estimate
-        wv_covariance inference estimates
-        result allan fitting
-        plot demo cli __main__
-        __init__
-    """.split(),
-    "nav_jax": "__init__".split(),
-}
+GMWM_JAX = """
+    _typing _check _safe _table
+    units
+    processes/__init__ processes/_parameter processes/_haar processes/_recursion
+    processes/_base
+    processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
+    processes/registry
+    simulation datasheet
+    wavelet wavelet_host
+    _columns _files _known_files _sensors _text _timebase
+    recording io datasets
+    variance
+    _nnls start estimate
+    wv_covariance inference estimates
+    result allan fitting
+    plot demo cli __main__
+    __init__
+"""
+NAV_JAX = """
+    __init__
+"""
+ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
 """From low to high, files of each package. A file that does not exist (yet) is no error."""
 
 LEAVES = ("plot", "demo", "cli", "__main__")

@@ -143,6 +143,14 @@ def test_without_the_length_of_the_record_there_are_no_intervals():
     assert "No intervals" in fit.summary()
 
 
+def test_the_dwt_has_no_overlapping_allan_deviation_and_no_intervals():
+    x = np.asarray(gj.simulate("WN(sigma2=1)", 2**12, key=jax.random.key(4)))
+    wv = gj.wavelet_variance(x, method="dwt", rate=1.0)
+    assert gj.fit(wv, "WN").covariance is None
+    with pytest.raises(ValueError, match="this one is of the dwt"):
+        gj.allan_deviation(wv)
+
+
 def test_tables_compile_once():
     """A second fit with other numbers reuses the compiled covariance and delta method."""
     fits = [

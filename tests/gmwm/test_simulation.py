@@ -65,8 +65,10 @@ def test_recursion_is_differentiable(phi):
 
     arguments = (jnp.asarray(phi), e, jnp.asarray(0.3))
     for wrt in (0, 1, 2):
-        loop = jax.jacrev(lambda *a: jnp.sum(scanned(*a)[-3:] ** 2), wrt)(*arguments)
-        blocks = jax.jacrev(lambda *a: jnp.sum(first_order_recursion(*a)[-3:] ** 2), wrt)(*arguments)
+        loop, blocks = (
+            jax.jit(jax.grad(lambda *a, run=run: jnp.sum(run(*a)[-3:] ** 2), wrt))(*arguments)
+            for run in (scanned, first_order_recursion)
+        )
         np.testing.assert_allclose(blocks, loop, rtol=1e-10, atol=1e-12)
 
 
@@ -182,9 +184,8 @@ def test_differentiable_in_parameters(case, key):
     for i in range(len(values)):
         h = np.zeros(len(values))
         h[i] = 1e-6 * values[i]
-        difference = (np.asarray(record(jnp.asarray(values + h))) - record(jnp.asarray(values - h))) / (
-            2e-6 * values[i]
-        )
+        above, below = (np.asarray(record(jnp.asarray(v))) for v in (values + h, values - h))
+        difference = (above - below) / (2 * h[i])
         np.testing.assert_allclose(forward[:, i], difference, rtol=1e-6, atol=1e-7 * np.abs(difference).max())
 
 
