@@ -110,7 +110,7 @@ def child(way: str, file: str) -> None:
 
 
 def main() -> None:
-    report = Report("bench_wavelet", __doc__)
+    report = Report("wavelet", __doc__)
     repeats = 3 if report.quick else 11
     sizes = (10**4, 10**5) if report.quick else (10**5, 10**6, 10**7)
     middle = sizes[1]
@@ -209,8 +209,8 @@ def main() -> None:
         rows,
     )
     report.say(
-        "Anonymous memory is what the process cannot give back; mapped pages of the record and of the scratch file also "
-        "count into the RSS while memory is free. 'array' includes the copy of the record itself."
+        "Anonymous memory is what the process cannot give back; mapped pages of the record and of the scratch file "
+        "also count into the RSS while memory is free. 'array' includes the running sums, but not the record itself."
     )
     report.save()
 

@@ -95,6 +95,8 @@ class Process(NamedTuple):
     """A process that ran to its end."""
 
     wall: float
+    cpu: float
+    """User + system: what the wall time would be on one core, and hardly depends on what else runs."""
     peak_mib: float
     stdout: str
 
@@ -112,7 +114,8 @@ pid = os.posix_spawn(sys.argv[1], sys.argv[1:], os.environ)
 _, status, usage = os.wait4(pid, 0)
 wall = time.perf_counter() - start
 print()
-print(json.dumps([wall, usage.ru_maxrss / 1024, os.waitstatus_to_exitcode(status)]))
+cpu = usage.ru_utime + usage.ru_stime
+print(json.dumps([wall, cpu, usage.ru_maxrss / 1024, os.waitstatus_to_exitcode(status)]))
 """
 
 
@@ -122,10 +125,10 @@ def fresh(*arguments: str | Path) -> Process:
     command = [sys.executable, "-S", "-c", _LAUNCHER, sys.executable, *map(str, arguments)]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     stdout, _, last = done.stdout.rstrip().rpartition("\n")
-    wall, peak, code = json.loads(last) if done.returncode == 0 else (0.0, 0.0, done.returncode)
+    wall, cpu, peak, code = json.loads(last) if done.returncode == 0 else (0.0, 0.0, 0.0, done.returncode)
     if code != 0:
         raise RuntimeError(f"{' '.join(map(str, arguments))} ended with {code}:\n{done.stderr}")
-    return Process(wall, peak, stdout)
+    return Process(wall, cpu, peak, stdout)
 
 
 def median_process(processes: Sequence[Process]) -> Process:
@@ -158,7 +161,10 @@ def machine() -> dict[str, Any]:
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model)
+    git = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+"]
+    commit = subprocess.run(git, capture_output=True, text=True).stdout.strip()
     return {
+        "commit": commit or "unknown",
         "cpu": model,
         "cores": os.cpu_count(),
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
@@ -167,6 +173,17 @@ def machine() -> dict[str, Any]:
         "packages": {name: importlib.metadata.version(name) for name in _PACKAGES},
         "load_at_start": round(os.getloadavg()[0], 2),
     }
+
+
+def about(m: Mapping[str, Any]) -> str:
+    """The record of the machine as a sentence."""
+    packages = ", ".join(f"{k} {v}" for k, v in m["packages"].items())
+    return (
+        f"Commit {m['commit']} (+: with changes); "
+        f"{m['cpu']}, {m['cores']} cores, {m['memory_gib']} GiB, {m['system']}, "
+        f"Python {m['python']}, {packages}; load {m['load_at_start']} at the start, {m['load_at_end']} at the end "
+        "(over one minute, the benchmark's own included)."
+    )
 
 
 class Report:
@@ -199,12 +216,7 @@ class Report:
         """Write results/name.md and results/name.json."""
         self.machine["load_at_end"] = round(os.getloadavg()[0], 2)
         self.say("## Against the bars", markdown(list(self.bars[0]), [list(b.values()) for b in self.bars]))
-        m = self.machine
-        self.say(
-            f"{m['cpu']}, {m['cores']} cores, {m['memory_gib']} GiB, {m['system']}, Python {m['python']}, "
-            + ", ".join(f"{k} {v}" for k, v in m["packages"].items())
-            + f"; load {m['load_at_start']} at the start, {m['load_at_end']} at the end (its own work included)."
-        )
+        self.say(about(self.machine))
         if not self.quick:
             RESULTS.mkdir(exist_ok=True)
             (RESULTS / f"{self.name}.md").write_text("\n".join(self.text) + "\n")

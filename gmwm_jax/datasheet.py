@@ -13,7 +13,7 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import convert, from_continuous, unit
 
-_ENTRY = re.compile(r"\s*([-+.\deE]+)\s*(\S.*?)\s*")
+_ENTRY = re.compile(r"\s*([-+.\deE]+)\s*([^-+.\d\s].*?)\s*")
 # entry -> (process, what its SI unit adds to the signal's, datasheet value -> filter quantity)
 _ENTRIES: dict[str, tuple[type[AbstractProcess], dict[str, str], Any]] = {
     "N": (WN, {"rad/s/sqrt(Hz)": "rad/s", "m/s^2/sqrt(Hz)": "m/s^2"}, lambda v: v * v),
@@ -50,7 +50,7 @@ def from_datasheet(
     Raises
     ------
     ValueError
-        Unknown entry or unit, a unit that does not fit its entry, entries of a gyro and an accelerometer together.
+        No entry, an unknown one or its unit, a unit that does not fit, entries of a gyro and an accelerometer together.
     """
     f = sampling_rate(rate)
     processes: list[AbstractProcess] = []
@@ -72,6 +72,8 @@ def from_datasheet(
         number, time_unit = _split(time_text)
         signals[f"GM {sigma_text}"] = si
         processes.append(GM(beta=1 / (convert(number, time_unit, "s") * f), variance=sigma**2))
+    if not signals:
+        raise ValueError(f"There is no datasheet entry; known are {', '.join(_ENTRIES)}.")
     if len(set(signals.values())) > 1:
         raise ValueError(f"The entries describe different sensors: {signals}.")
     return Composite(processes), next(iter(signals.values()))

@@ -44,7 +44,8 @@ def fit(
         Sampling rate in Hz, if the data do not know theirs; without one there are no continuous-time tables.
     omega
         Weights: None for 1/(ci_high - ci_low)^2 on the diagonal, the choice of R's simts, so that objectives compare;
-        or a vector (J,), the diagonal; or a positive definite matrix (J, J).
+        ``"two-step"`` for the same with the variance of that first fit in place of the measured one, which takes out
+        a bias (see Notes); or a vector (J,), the diagonal; or a positive definite matrix (J, J).
     key
         Moves the starting points at random. The result should not depend on it; to check that is its use.
     level
@@ -62,14 +63,25 @@ def fit(
         More free parameters than scales, unknown process, bad weights, a rate that disagrees with the data.
     RuntimeError
         x64 is off, or (with `throw`) a search that did not converge.
+    TypeError
+        Data or model of another kind.
 
     Notes
     -----
-    Deterministic: nothing depends on chance unless a key is given. See `gmwm_jax.estimate` for the
-    method. The same model on the same number of scales and channels compiles once.
+    With the default weights a scale whose variance came out low by chance counts for more. A component that lives on
+    scales with eta degrees of freedom is biased by about 4/eta: 1 to 2 % for a correlation time of 100 samples in
+    100,000, a quarter of its standard error. Two-step weights do not depend on the scatter.
+
+    Deterministic: nothing depends on chance unless a key is given. See `gmwm_jax.estimate` for the method. The same
+    model on the same number of scales and channels compiles once.
     """
     require_x64()
     wv = wavelet_variance(data) if isinstance(data, Recording) else data
+    if not isinstance(wv, WaveletVariance):
+        raise TypeError(
+            f"fit() takes a WaveletVariance or a Recording, not {type(data).__name__}; for an array, "
+            "call fit(wavelet_variance(array, rate=...), model)."
+        )
     model = as_model(model)
     rate = _common_rate(wv.rate, rate)
     if model.num_free > wv.num_scales:
@@ -78,7 +90,29 @@ def fit(
             "take a longer record, a smaller model, or hold parameters."
         )
     channels = [wv[i] for i in range(len(wv.channels))]
-    omegas = [_weights(omega, channel) for channel in channels]
+    two_step = isinstance(omega, str)
+    if two_step and omega != "two-step":
+        raise ValueError(f'omega must be None, "two-step" or an array, and is {omega!r}.')
+    omegas = [_weights(None if two_step else omega, channel) for channel in channels]
+    fits = _fit_channels(channels, model, omegas, rate, key, level)
+    if two_step:
+        fits = _fit_channels(channels, model, [_second_step(f) for f in fits], rate, key, level)
+    if throw:
+        for f in fits:
+            if f.status is not Status.converged:
+                raise RuntimeError(f"{f.wv.channels[0]}: {f.status.value}. throw=False returns the fit as it is.")
+    return fits[0] if wv.is_single else Fits(tuple(fits))
+
+
+def _fit_channels(
+    channels: list[WaveletVariance],
+    model: Composite,
+    omegas: list[Float[np.ndarray, "J J"]],
+    rate: float | None,
+    key: PRNGKey | None,
+    level: float,
+) -> list[Fit]:
+    """Fit channels on the same scales, each with its weights, in one compiled call."""
     whiteners = np.stack([np.linalg.cholesky(o).T for o in omegas])
 
     # components with a shape to search for come first, those of a kind together
@@ -91,7 +125,7 @@ def fit(
         free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
     )
     searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
-    tau_max = float(wv.scales[-1])
+    tau_max = float(channels[0].scales[-1])
     bounds = np.array([p.coordinate_bounds(tau_max) for p in searched]).reshape(-1, 2)
     placements, nodes = _placements(searched, tau_max, key)
     num_descents = NUM_ROUNDS * NUM_DESCENTS if searched else 1
@@ -102,7 +136,7 @@ def fit(
         jnp.asarray(nodes),
         jnp.asarray(np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))),
         jnp.asarray(whiteners),
-        jnp.asarray(wv.scales),
+        jnp.asarray(channels[0].scales),
         jnp.asarray(bounds),
         tuple(p.shape for p in given),
         jnp.asarray(held),
@@ -125,11 +159,7 @@ def fit(
                 level=level,
             )
         )
-    if throw:
-        for f in fits:
-            if f.status is not Status.converged:
-                raise RuntimeError(f"{f.wv.channels[0]}: {f.status.value}. throw=False returns the fit as it is.")
-    return fits[0] if wv.is_single else Fits(tuple(fits))
+    return fits
 
 
 def objective(wv: WaveletVariance, model: str | AbstractProcess | Composite, *, omega: Any = None) -> float:
@@ -246,6 +276,14 @@ def _weights(omega: Any, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
     if np.any(scale == 0) or np.linalg.eigvalsh(omega / np.outer(scale, scale))[0] <= 0:
         raise ValueError("omega must be positive definite: every eigenvalue above zero.")
     return omega
+
+
+def _second_step(fit: Fit) -> Float[np.ndarray, "J J"]:
+    """The default weights with the fitted variance in place of the measured one."""
+    if fit.status is Status.non_finite:
+        return fit.omega
+    wv = fit.wv
+    return np.diag((wv.variance / (fit.fitted * (wv.ci_high - wv.ci_low))) ** 2)
 
 
 def _common_rate(known: float | None, given: float | None) -> float | None:

@@ -117,6 +117,17 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     The file appears complete or not at all: an interruption leaves one that was there before untouched. Its folder is
     made if it is not there.
 
+    Parameters
+    ----------
+    recording
+        The recording.
+    path
+        Ends in ``.npz``.
+
+    Returns
+    -------
+    `path`.
+
     Raises
     ------
     ValueError

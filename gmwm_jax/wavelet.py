@@ -122,6 +122,13 @@ def haar_dwt_variance(x: Float[Array, " N"], num_levels: int | None = None) -> F
 
     Its expectation is that of the MODWT (R's package wv leaves the factor 2^j in), its variance is larger. Samples
     that fill no whole span at the end are left out.
+
+    Parameters
+    ----------
+    x
+        The record.
+    num_levels
+        J, by default floor(log2 N) - 1.
     """
     require_x64()
     J = check_num_levels(x.shape[0], num_levels)

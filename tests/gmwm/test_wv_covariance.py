@@ -73,7 +73,7 @@ def test_sums_against_all_pairs_of_coefficients(model):
     np.testing.assert_allclose(wv_covariance(model, 300), dense(model, 300, 7), rtol=1e-10)
 
 
-@pytest.mark.parametrize(("num_samples", "num_levels"), [(4, 1), (5, 2), (16, 4), (63, 5), (256, 8), (257, 8)])
+@pytest.mark.parametrize(("num_samples", "num_levels"), [(4, 1), (5, 2), (63, 5), (257, 8)])
 def test_short_records(num_samples, num_levels):
     """Down to four samples, and with one level more than the default, where a single coefficient may be left."""
     model = WN(1.0) + GM(0.1, 2.0) + DR(0.1)
@@ -127,18 +127,23 @@ LONG = [Composite((GM(beta, 1.0),)) for beta in (1e-6, 1e-4, 1.688923e-3, 0.05, 
 
 
 @pytest.mark.parametrize("model", [*LONG, *SUMS], ids=repr)
-def test_long_records_against_sums_over_all_lags(model):
+def test_long_records_against_sums_over_all_lags_and_positive_definite(model):
     """The graded quadrature against all 2N terms a pair of scales, among them the longest three; N = 10 001."""
     levels = [1, 2, 5, 8, 10, 11, 12]
     at = np.array(levels) - 1
-    seen = np.asarray(wv_covariance(model, 10_001))[np.ix_(at, at)]
+    covariance = np.asarray(wv_covariance(model, 10_001))
     expected = by_fft(model, 10_001, levels)
     size = np.sqrt(np.diag(expected))
     # the transforms leave rounding of the size of the diagonal
-    assert np.all(np.abs(seen - expected) <= 1e-9 * expected + 1e-10 * np.outer(size, size))
+    off = np.abs(covariance[np.ix_(at, at)] - expected)
+    assert np.all(off <= 1e-9 * expected + 1e-10 * np.outer(size, size))
+    # and what a weighting matrix needs
+    np.testing.assert_array_equal(covariance, covariance.T)
+    size = np.sqrt(np.diag(covariance))
+    assert np.linalg.eigvalsh(covariance / np.outer(size, size)).min() > 1e-6
 
 
-@pytest.mark.parametrize("model", [SUMS[0], SUMS[4], WN(1.0) + RW(1e-3) + GM(0.1, 1.0) + DR(5e-3)], ids=repr)
+@pytest.mark.parametrize("model", [SUMS[0], WN(1.0) + RW(1e-3) + DR(5e-3)], ids=repr)
 def test_monte_carlo(model, key):
     """Sample covariances of 4000 records of N = 512, at all pairs of scales."""
     draw = jax.jit(jax.vmap(lambda k: haar_wavelet_variance(simulate(model, 512, key=k))))
@@ -147,14 +152,6 @@ def test_monte_carlo(model, key):
     j, k = np.tril_indices(8)
     expected = np.asarray(wv_covariance(model, 512))[j, k]
     assert_covariance(nu[:, j], nu[:, k], expected, mean_a=mean[j], mean_b=mean[k])
-
-
-@pytest.mark.parametrize("model", [*SUMS, Composite((RW(1.0),)), Composite((GM(1e-9, 1.0),))], ids=repr)
-def test_symmetric_positive_definite(model):
-    covariance = np.asarray(wv_covariance(model, 20_000))
-    np.testing.assert_array_equal(covariance, covariance.T)
-    size = np.sqrt(np.diag(covariance))
-    assert np.linalg.eigvalsh(covariance / np.outer(size, size)).min() > 1e-6
 
 
 def test_large_records_approach_the_chi_square_of_few_degrees():
@@ -170,7 +167,7 @@ def test_gradient_forward_reverse_and_numerical(case):
     def covariance(v):
         return wv_covariance(Composite((case.cls(*v),)), 300)
 
-    value, forward, reverse = jax.jit(covariance), jax.jit(jax.jacfwd(covariance)), jax.jit(jax.jacrev(covariance))
+    forward, reverse = jax.jit(jax.jacfwd(covariance)), jax.jit(jax.jacrev(covariance))
     for values in case.parameters:
         v = jnp.asarray(values)
         f, r = np.asarray(forward(v)), np.asarray(reverse(v))
@@ -182,9 +179,9 @@ def test_gradient_forward_reverse_and_numerical(case):
             h = np.zeros(len(values))
             h[i] = 1e-4 * size
             # fourth order
-            stencil = [np.asarray(value(jnp.asarray(values + s * h))) for s in (-2, -1, 1, 2)]
+            stencil = [np.asarray(covariance(jnp.asarray(values + s * h))) for s in (-2, -1, 1, 2)]
             difference = (stencil[0] - 8 * stencil[1] + 8 * stencil[2] - stencil[3]) / (12 * h[i])
-            scale = np.asarray(value(v)) / size
+            scale = np.asarray(covariance(v)) / size
             f_i, r_i = f[..., i], r[..., i]
             assert np.all(np.abs(f_i - r_i) <= (1e-6 if alternates else 1e-9) * (np.abs(f_i) + scale)), values
             if not alternates:

@@ -1,0 +1,97 @@
+"""The README is true: its Python runs, its commands print what it shows, its table has every process."""
+
+import re
+import shlex
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gmwm_jax import datasets
+from gmwm_jax.cli import app
+from gmwm_jax.processes.registry import PROCESSES
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder to run in, with the text file that the README speaks of."""
+    rec = datasets.simulated("mti-g", 500, channels=["gyro_x", "accel_x"])
+    table = np.column_stack([rec.time(), np.rad2deg(rec.column("gyro_x")), rec.column("accel_x") / 9.80665])
+    np.savetxt(tmp_path / "static.csv", table, delimiter=",", header="time,gyro_x,accel_x", comments="")
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    plt.close("all")
+
+
+def test_python(folder):
+    """All blocks in order, in one namespace."""
+    python = blocks("python")
+    assert len(python) >= 3
+    namespace = {}
+    for block in python:
+        exec(compile(block, "README.md", "exec"), namespace)
+    assert namespace["rec"].channels == ("gyro_x", "accel_x")
+    assert (folder / "accel_x.png").stat().st_size > 0
+
+
+def close(shown, printed):
+    """The same words; numbers to three digits, the last of which differ between machines."""
+    shown, printed = shown.split(), printed.split()
+    return len(shown) == len(printed) and all(map(same, shown, printed))
+
+
+def same(shown, printed):
+    try:
+        return float(printed) == pytest.approx(float(shown), rel=2e-3)
+    except ValueError:
+        return shown == printed
+
+
+def test_commands(folder):
+    """What a console block shows is printed, line by line and in order; at `...` lines are left out."""
+    commands = [part for block in blocks("console") for part in block.split("$ gmwm-jax ")[1:]]
+    assert len(commands) >= 4
+    for command in commands:
+        line, *shown = command.strip().splitlines()
+        result = CliRunner().invoke(app, shlex.split(line))
+        assert result.exit_code == 0, result.output
+        printed = iter(result.stdout.splitlines())
+        for expected in shown:
+            if expected.strip() not in ("", "..."):
+                assert any(close(expected, seen) for seen in printed), expected
+    assert (folder / "fit.png").exists()
+
+
+def test_shell_blocks_use_options_that_exist():
+    for line in (line for block in blocks("sh") for line in block.splitlines() if line.startswith("gmwm-jax")):
+        command, *rest = shlex.split(line)[1:]
+        usage = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
+        for option in (word for word in rest if word.startswith("--")):
+            assert option in usage
+
+
+def test_make_targets_exist():
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"make (\w+)", " ".join([*blocks("sh"), *re.findall(r"`(make \w+)`", README)])):
+        assert f"\n{target}:" in makefile
+
+
+def test_the_table_has_every_process():
+    rows = {row.split("|")[1].strip(): row for row in README.splitlines() if row.startswith("| `")}
+    for kind, cls in PROCESSES.items():
+        for parameter in cls.parameters:
+            assert f"`{parameter.name}`" in rows[f"`{kind}`"]
+
+
+def test_links_lead_somewhere():
+    for target in re.findall(r"\]\(((?!https?:)[^)]+)\)", README):
+        assert (ROOT / target).exists(), target
