@@ -11,7 +11,7 @@ def main() -> None:
     try:
         from gmwm_jax.cli import app
     except ModuleNotFoundError as error:
-        if error.name not in ("typer", "tqdm"):
+        if error.name != "typer":
             raise
         sys.exit(f'The command line needs the package {error.name}: pip install "gmwm-jax[app]".')
     app()

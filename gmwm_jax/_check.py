@@ -54,6 +54,17 @@ def positive(name: str, value: object, *, zero_ok: bool = False) -> None:
         raise ValueError(f"{name} must be {kind} and finite, and is {seen}.")
 
 
+def spans(tau: object) -> jax.Array:
+    """Return filter spans as floats, or raise unless they are even numbers of samples; traced values pass."""
+    seen = concrete(tau)
+    if seen is not None and (not np.all(np.isfinite(seen)) or np.any(seen < 2) or np.any(seen % 2 != 0)):
+        raise ValueError(
+            f"Spans of Haar filters are even numbers of samples (2, 4, 8 ...), and these are {seen}. "
+            "Seconds are multiplied by the sampling rate, averaging times of the Allan variance by 2."
+        )
+    return as_float(tau)
+
+
 def sampling_rate(rate: object) -> float:
     """Return the sampling rate in Hz as a float, or raise."""
     if rate is None:

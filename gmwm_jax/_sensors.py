@@ -73,7 +73,7 @@ SENSORS: dict[str, Sensor] = {
             "gyro_y": "GM(beta=1.987, variance=4.042e-8) + GM(beta=0.5138, variance=2.359e-9)",
             "gyro_z": "GM(beta=2.063, variance=3.945e-8) + GM(beta=0.1115, variance=2.181e-12)",
             "accel_x": "WN(sigma2=4.49e-5) + QN(q2=1.885e-2)",
-            "accel_y": "QN(q2=5.758e-2) + GM(beta=6.644e-4, variance=1.871e-9)",
+            "accel_y": "QN(q2=5.758e-2) + RW(gamma2=1.045e-15) + GM(beta=6.644e-4, variance=1.871e-9)",
             "accel_z": "QN(q2=4.521e-2) + GM(beta=0.1843, variance=1.456e-6)",
         },
         {"gyro": {"N": "0.05 deg/sqrt(h)"}},

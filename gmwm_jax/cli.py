@@ -122,6 +122,9 @@ def fit(
     datasheet: Annotated[
         str | None, typer.Option(help="Datasheet entries to draw: 'N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)'.")
     ] = None,
+    two_step: Annotated[
+        bool, typer.Option("--two-step", help="Weights from the fitted variance in a second step: less bias.")
+    ] = False,
     json_file: Json = None,
     plot: Plot = None,
 ) -> None:
@@ -131,7 +134,7 @@ def fit(
     if datasheet is not None:
         promised, signal = from_datasheet(_pairs(datasheet), rec.rate)
         lines = {signal: promised}
-    fits = fit_model(wavelet_variance(rec), model, throw=False)
+    fits = fit_model(wavelet_variance(rec), model, omega="two-step" if two_step else None, throw=False)
     singles = [fits] if isinstance(fits, Fit) else list(fits.values())
     if json_file is None or str(json_file) != "-":
         for one in singles:

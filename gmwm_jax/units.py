@@ -38,7 +38,8 @@ class Unit(NamedTuple):
 
 
 _ANGLES = {
-    "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "arcmin": _DEG / 60, "arcsec": _DEG / 3600,
+    "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "mdeg": 1e-3 * _DEG, "arcmin": _DEG / 60,
+    "arcsec": _DEG / 3600,
 }  # fmt: skip
 _SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1 / 3.6}
 _ACCELERATIONS = {
@@ -90,8 +91,8 @@ UNITS: dict[str, Unit] = _table()
 # How people write the same: lower case is not folded, since "mg" and "Mg" or "s" and "S" differ.
 _SPELLINGS = (
     ("µ", "u"), ("μ", "u"), ("°", "deg"), ("√", "sqrt"), ("²", "^2"), ("³", "^3"), ("**", "^"), ("·", "*"),
-    ("sqrthr", "sqrt(h)"), ("hr", "h"), ("sqrtHz", "sqrt(Hz)"), ("sqrth", "sqrt(h)"), ("sqrts", "sqrt(s)"),
-    ("rt(Hz)", "sqrt(Hz)"), ("sqsqrt", "sqrt"), ("dps", "deg/s"),
+    ("sqrthr", "sqrt(h)"), ("hr", "h"), ("sqrtHz", "sqrt(Hz)"), ("rtHz", "sqrt(Hz)"), ("sqrth", "sqrt(h)"),
+    ("sqrts", "sqrt(s)"), ("rt(Hz)", "sqrt(Hz)"), ("sqsqrt", "sqrt"), ("dps", "deg/s"),
 )  # fmt: skip
 
 
@@ -235,9 +236,10 @@ _GM_DATASHEET = (
     Quantity("sqrt(q)", "driving noise density", "/sqrt(s)",
              lambda beta, variance, f: jnp.sqrt(2 * beta * f * variance),
              gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)")),
-    # the PSD is flat, q/beta^2, below the corner: over times much longer than tau_c it is white noise of this density
+    # Below its corner the PSD is flat: over times much longer than tau_c the process is white noise. The PSD of the
+    # *sampled* process at 0 is variance (1+phi)/(1-phi)/f; in continuous time, or for a slow process, q/beta^2.
     Quantity("N_0", "density as white noise, far beyond tau_c", "/sqrt(Hz)",
-             lambda beta, variance, f: jnp.sqrt(2 * variance / (beta * f)),
+             lambda beta, variance, f: jnp.sqrt(variance / (jnp.tanh(beta / 2) * f)),
              gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)")),
 )  # fmt: skip
 _GM_FILTER = (

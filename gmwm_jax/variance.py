@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import as_float, finite_record, positive, sampling_rate
+from gmwm_jax._check import as_float, finite_record, positive, sampling_rate, spans
 from gmwm_jax._table import format_table, number
 from gmwm_jax.recording import Recording
 from gmwm_jax.wavelet import (
@@ -102,11 +102,9 @@ class WaveletVariance:
             if not np.all(np.isfinite(a)):
                 raise ValueError(f"{k} must be finite, and is {a[~np.isfinite(a)][0]} at {np.argmin(np.isfinite(a))}.")
         tau = arrays["scales"]
-        if np.any(tau < 2) or np.any(tau % 2 != 0) or np.any(np.diff(tau) <= 0):
-            raise ValueError(
-                f"scales must be even numbers of samples in increasing order (2, 4, 8 ...), and are {tau}. "
-                "If they are seconds, multiply by the sampling rate; if they are averaging times, by 2."
-            )
+        spans(tau)
+        if np.any(np.diff(tau) <= 0):
+            raise ValueError(f"scales must be in increasing order, and are {tau}.")
         positive("variance", arrays["variance"])
         positive("ci_low", arrays["ci_low"], zero_ok=True)
         outside = ~((arrays["ci_low"] <= arrays["variance"]) & (arrays["variance"] <= arrays["ci_high"]))

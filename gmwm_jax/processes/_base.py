@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._check import as_float, concrete
+from gmwm_jax._check import as_float, concrete, spans
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.processes._parameter import Fixed, Parameter
 
@@ -186,7 +186,7 @@ class AbstractProcess(eqx.Module):
         nu^2(tau) in squared signal units; half the Allan variance at averaging time tau/2 samples.
         """
         self.require_complete()
-        return self.amplitude * self.unit_wavelet_variance(self.shape, as_float(tau))
+        return self.amplitude * self.unit_wavelet_variance(self.shape, spans(tau))
 
     def psd(self, frequency: Any) -> Float[Array, "*F"]:
         """Two-sided power spectral density: u^2 per (cycle per sample), frequency in (0, 1/2]."""

@@ -74,7 +74,7 @@ def test_slope_regression_is_exact_for_a_process_alone(kind, model, coefficient)
 
 
 def test_slope_regression_is_biased_where_processes_overlap():
-    """The reason for the GMWM. AVAR = 1/T + K^2 (T + 1/(2T))/3: near the bottom each slope carries the other process."""
+    """The reason for the GMWM. AVAR = 1/T + K^2 (T + 1/(2T))/3: near the bottom each slope carries the other, too."""
     adev = exact("WN(sigma2=1) + RW(gamma2=1e-6)", 1.0)
     result = gj.slope_regression(adev, {"WN": (256.0, 2048.0), "RW": (1024.0, 8192.0)})
     T = 2.0 ** np.arange(8, 12)

@@ -31,12 +31,39 @@ def test_every_replicate_converges_inside_the_parameter_space(replicates):
     assert all(f.status is Status.converged and not f.at_boundary for f in replicates)
 
 
-def test_no_parameter_is_biased(replicates):
+@pytest.fixture(scope="module")
+def two_step_replicates(replicates):
+    """The same records, fitted with weights that do not depend on the scatter of the data."""
+    fits = []
+    for start in range(0, NUM_REPLICATES, CHUNK):
+        part = [f.wv for f in replicates[start : start + CHUNK]]
+        columns = (np.column_stack([getattr(w, k) for w in part]) for k in ("variance", "ci_low", "ci_high"))
+        names = tuple(str(i) for i in range(CHUNK))
+        wv = gj.WaveletVariance(part[0].scales, *columns, NUM_SAMPLES, 0.95, 10.0, names, ("1",) * CHUNK)
+        fits += list(gj.fit(wv, "WN + GM", omega="two-step").values())
+    return fits
+
+
+def mean_error(fits):
+    """Mean relative error of each parameter, and its standard error."""
+    values = np.array([[e.value for e in f.parameters()] for f in fits]) / [1.0, 0.01, 0.1] - 1
+    return values.mean(axis=0), values.std(axis=0, ddof=1) / np.sqrt(len(fits))
+
+
+def test_no_parameter_is_biased(two_step_replicates):
     """Mean error of every parameter within 3 standard errors of zero."""
-    values = np.array([[e.value for e in f.parameters()] for f in replicates])
-    truth = np.array([1.0, 0.01, 0.1])
-    error = values.mean(axis=0) - truth
-    assert np.all(np.abs(error) < 3 * values.std(axis=0, ddof=1) / np.sqrt(NUM_REPLICATES))
+    mean, error = mean_error(two_step_replicates)
+    assert np.all(np.abs(mean) < 3 * error)
+
+
+def test_default_weights_cost_no_more_than_a_small_bias(replicates):
+    """Weights from the data favour scales that came out low: 4/eta, 1.5 % at the hump of this process (span 380).
+
+    So documented in `fit`; beyond that nothing, within 3 standard errors.
+    """
+    mean, error = mean_error(replicates)
+    eta = NUM_SAMPLES / 380
+    assert np.all(np.abs(mean) < 4 / eta + 3 * error)
 
 
 def test_standard_errors_are_the_scatter(replicates):

@@ -73,6 +73,8 @@ SPELLINGS = [
     ("°/s", "deg/s"),
     ("dps", "deg/s"),
     ("dps/√Hz", "deg/s/sqrt(Hz)"),
+    ("mdps/√Hz", "mdeg/s/sqrt(Hz)"),
+    ("ug/rtHz", "ug/sqrt(Hz)"),
     ("°/s/√Hz", "deg/s/sqrt(Hz)"),
     ("deg/s/sqrtHz", "deg/s/sqrt(Hz)"),
     ("°/h/√Hz", "deg/h/sqrt(Hz)"),
@@ -356,3 +358,16 @@ def test_continuous_forms_are_differentiable(kind):
 
     product = jax.jacfwd(back)(there(parameters)) @ jax.jacrev(there)(parameters)
     np.testing.assert_allclose(product, np.eye(len(parameters)), atol=1e-8)
+
+
+@pytest.mark.parametrize("beta", [1e-4, 0.1, 2.0, 20.0])
+def test_a_gauss_markov_process_is_white_noise_of_density_n_0_at_long_spans(beta):
+    """tau nu^2(tau) / f tends to the PSD at 0, from the autocovariance: variance (1 + 2 sum phi^h) / f."""
+    rate, variance = 50.0, 3e-4
+    (n_0,) = (q for q in units.CONTINUOUS["GM"].datasheet if q.symbol == "N_0")
+    phi = np.exp(-beta)
+    total = variance * (1 + 2 * phi / (1 - phi))
+    assert float(n_0.value(beta, variance, rate)) ** 2 == pytest.approx(total / rate, rel=1e-12)
+    tau = 2.0**30 if beta < 1 else 2.0**24
+    nu = float(GM(beta, variance).wavelet_variance(np.array([tau]))[0])
+    assert tau * nu == pytest.approx(total, rel=1e-4)
