@@ -364,7 +364,7 @@ def test_continuous_forms_are_differentiable(kind):
 def test_a_gauss_markov_process_is_white_noise_of_density_n_0_at_long_spans(beta):
     """tau nu^2(tau) / f tends to the PSD at 0, from the autocovariance: variance (1 + 2 sum phi^h) / f."""
     rate, variance = 50.0, 3e-4
-    (n_0,) = (q for q in units.CONTINUOUS["GM"].datasheet if q.symbol == "N_0")
+    (n_0,) = (q for q in CONTINUOUS["GM"].datasheet if q.symbol == "N_0")
     phi = np.exp(-beta)
     total = variance * (1 + 2 * phi / (1 - phi))
     assert float(n_0.value(beta, variance, rate)) ** 2 == pytest.approx(total / rate, rel=1e-12)
