@@ -80,7 +80,7 @@ def main() -> None:
         for name, truth in TRUTH.items():
             value, low, high = p.answer["estimates"][name]
             inside += low <= truth <= high
-            rows.append([seed, name, f"{truth:.4g}", f"{value:.4g}", f"{low:.4g} .. {high:.4g}", low <= truth <= high])
+            rows.append([seed, name, f"{truth:.5g}", f"{value:.5g}", f"{low:.5g} .. {high:.5g}", low <= truth <= high])
         fitted, at_truth = p.answer["objective"]
         rows.append([seed, "objective", f"{at_truth:.5g}", f"{fitted:.5g}", p.answer["status"], ""])
     report.table("Estimates beside the truth (SI)", ["seed", "", "truth", "estimate", "95 % interval", "inside"], rows)

@@ -1,5 +1,7 @@
 """Input checks: each raises a ValueError that says what was seen and what to change."""
 
+import operator
+
 import jax
 import jax.core
 import jax.numpy as jnp
@@ -44,6 +46,30 @@ def finite_record(x: np.ndarray, what: str = "the record") -> None:
     )
 
 
+def time_first(samples: int, channels: int) -> None:
+    """Raise if a record of shape (samples, channels) is probably turned."""
+    if channels > samples:
+        raise ValueError(
+            f"The data have {samples} samples of {channels} channels. Time is axis 0: transpose them if it is axis 1."
+        )
+
+
+def unmasked(x: np.ndarray) -> np.ndarray:
+    """Return masked samples as NaN, which `finite_record` names; other arrays as they are."""
+    return np.ma.filled(x.astype(np.float64), np.nan) if isinstance(x, np.ma.MaskedArray) else x
+
+
+def integer(name: str, value: object, least: int) -> int:
+    """Return an integer that is at least as large as `least`, or raise."""
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = None
+    if number is None or number < least:
+        raise ValueError(f"{name} must be an integer of {least} or more, and is {value!r}.")
+    return number
+
+
 def positive(name: str, value: object, *, zero_ok: bool = False) -> None:
     """Raise unless a scalar or array is positive (or non-negative) and finite; traced values pass."""
     seen = concrete(value)
@@ -73,6 +99,21 @@ def sampling_rate(rate: object) -> float:
     if not np.isfinite(value) or value <= 0:
         raise ValueError(f"The sampling rate must be a positive number of Hz, and is {rate!r}.")
     return value
+
+
+def confidence(level: object) -> float:
+    """Return a confidence level as a float, or raise unless it lies between 0 and 1."""
+    value = float(level)  # type: ignore[arg-type]
+    if not 0 < value < 1:
+        raise ValueError(f"A confidence level lies between 0 and 1, and is {level!r}.")
+    return value
+
+
+def typed_key(key: object) -> None:
+    """Raise a TypeError unless this is a typed key of random numbers."""
+    dtype = getattr(key, "dtype", None)
+    if dtype is None or not jnp.issubdtype(dtype, jax.dtypes.prng_key):
+        raise TypeError(f"key must be a typed key such as jax.random.key(0), and is {key!r}.")
 
 
 def as_float(value: object) -> jax.Array:

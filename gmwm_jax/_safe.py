@@ -20,8 +20,10 @@ def _series_or(
 ) -> Float[Array, "..."]:
     """The power series with these coefficients for |x| < 1/2, direct(x) beyond."""
     small = jnp.abs(x) < _THRESHOLD
-    # a scan over the coefficients: unrolled, Horner's rule would be half of what a fit has to compile
-    series = jnp.polyval(jnp.asarray(coefficients[::-1]), jnp.where(small, x, 0.0), unroll=1)
+    y = jnp.where(small, x, 0.0)
+    series = jnp.full_like(y, coefficients[-1])
+    for c in reversed(coefficients[:-1]):
+        series = series * y + c
     return jnp.where(small, series, direct(jnp.where(small, _THRESHOLD, x)))
 
 

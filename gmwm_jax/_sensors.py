@@ -1,10 +1,9 @@
 """Noise models of four inertial measurement units, for demonstrations and tests: facts, no files.
 
-The parameters (per sample, SI) are global GMWM estimates, made with this package, of the wavelet variances that
-SMAC-Group published for static recordings of these units (package imudata, the library of its calibration platform);
-components that came out as zero, or as too small to change the objective, are left out. No model of this kind describes
-the accelerometers of the LN-200, whose output is coarsely quantised: take theirs as a rough likeness. The datasheet
-entries are the manufacturers'.
+The parameter values (per sample, SI) are estimated with this package from the wavelet variances published with
+SMAC-Group/imudata for static recordings of these units; components that came out as zero, or as too small to change the
+objective, are left out. No model of this kind describes the accelerometers of the LN-200, whose output is coarsely
+quantised: take theirs as a rough likeness. The datasheet entries are the manufacturers'.
 """
 
 from typing import NamedTuple

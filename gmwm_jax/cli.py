@@ -21,7 +21,7 @@ from gmwm_jax.io import read_recording, save_recording
 from gmwm_jax.processes.registry import parse_model
 from gmwm_jax.recording import Recording
 from gmwm_jax.result import Fit
-from gmwm_jax.units import convert, signal_unit
+from gmwm_jax.units import SI_SIGNALS, convert
 from gmwm_jax.variance import wavelet_variance
 
 app = typer.Typer(
@@ -44,6 +44,7 @@ def _command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[
                 function(*args, **options)
             except (ValueError, KeyError, OSError, ImportError) as error:
                 text = error.args[0] if isinstance(error, KeyError) else error
+                text = str(text).replace("units=...", "units=... (--unit on the command line)")
                 typer.echo(f"Error: {text}", err=True)
                 raise typer.Exit(1) from error
 
@@ -69,6 +70,10 @@ Unit = Annotated[
     str | None, typer.Option(help="Unit of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'.")
 ]
 Time = Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")]
+TimeUnit = Annotated[str, typer.Option(help="Unit of that column: s, ms, us, ns, min or h.")]
+Columns = Annotated[str | None, typer.Option(help="Columns to read: names or numbers (from 0), separated by commas.")]
+Delimiter = Annotated[str | None, typer.Option(help="Of a text file, if it is not to be found.")]
+Level = Annotated[float, typer.Option(help="Confidence of the intervals.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the results as JSON; '-' for the screen.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).", callback=_figure_file)]
 
@@ -80,6 +85,10 @@ def wv(
     rate: Rate = None,
     unit: Unit = None,
     time: Time = None,
+    time_unit: TimeUnit = "s",
+    columns: Columns = None,
+    delimiter: Delimiter = None,
+    level: Level = 0.95,
     method: Annotated[str, typer.Option(help="modwt or dwt.")] = "modwt",
     levels: Annotated[int | None, typer.Option(help="Number of scales; floor(log2 N) - 1 by default.")] = None,
     allan: Annotated[bool, typer.Option("--allan", help="Allan deviation, with N, B and K read off.")] = False,
@@ -87,8 +96,8 @@ def wv(
     plot: Plot = None,
 ) -> None:
     """Wavelet variance (or Allan deviation) with confidence intervals."""
-    rec = _read(file, channels, rate, unit, time)
-    result = wavelet_variance(rec, method=method, num_levels=levels)
+    rec = _read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    result = wavelet_variance(rec, method=method, num_levels=levels, level=level)
     to_screen = json_file is not None and str(json_file) == "-"
     if allan:
         adev = allan_deviation(result)
@@ -107,7 +116,7 @@ def wv(
     }
     _write_json(
         json_file,
-        {"rate": rec.rate, "num_samples": len(rec), "scales": result.scales, "level": 0.95, "channels": per_channel},
+        {"rate": rec.rate, "num_samples": len(rec), "scales": result.scales, "level": level, "channels": per_channel},
     )
 
 
@@ -119,6 +128,10 @@ def fit(
     rate: Rate = None,
     unit: Unit = None,
     time: Time = None,
+    time_unit: TimeUnit = "s",
+    columns: Columns = None,
+    delimiter: Delimiter = None,
+    level: Level = 0.95,
     datasheet: Annotated[
         str | None, typer.Option(help="Datasheet entries to draw: 'N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)'.")
     ] = None,
@@ -129,12 +142,12 @@ def fit(
     plot: Plot = None,
 ) -> None:
     """Fit a noise model to each channel: parameters with intervals, for a filter and as a datasheet has them."""
-    rec = _read(file, channels, rate, unit, time)
+    rec = _read(file, channels, rate, unit, time, time_unit, columns, delimiter)
     lines = None
     if datasheet is not None:
         promised, signal = from_datasheet(_pairs(datasheet), rec.rate)
         lines = {signal: promised}
-    fits = fit_model(wavelet_variance(rec), model, omega="two-step" if two_step else None, throw=False)
+    fits = fit_model(wavelet_variance(rec), model, omega="two-step" if two_step else None, level=level, throw=False)
     singles = [fits] if isinstance(fits, Fit) else list(fits.values())
     if json_file is None or str(json_file) != "-":
         for one in singles:
@@ -153,7 +166,7 @@ def units(
     model: Annotated[str | None, typer.Option(help="Per-sample model to continuous time and datasheet units.")] = None,
     datasheet: Annotated[str | None, typer.Option(help="Datasheet entries 'N=0.15 deg/sqrt(h)' to a model.")] = None,
     rate: Rate = None,
-    signal: Annotated[str, typer.Option(help="SI unit of the signal of --model: rad/s or m/s^2.")] = "rad/s",
+    signal: Annotated[str, typer.Option(help="SI unit of the signal of --model: rad/s, m/s^2 or 1.")] = "rad/s",
 ) -> None:
     """Convert a number between units, or a model between per-sample, continuous-time and datasheet form.
 
@@ -170,11 +183,12 @@ def units(
     elif model is not None or datasheet is not None:
         if rate is None:
             raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
+        if signal not in SI_SIGNALS:
+            raise ValueError("--signal is rad/s, m/s^2 or 1; parameters are SI")
         if datasheet is not None:
             composite, signal = from_datasheet(_pairs(datasheet), rate)
         else:
             composite = parse_model(model or "")
-        signal = signal_unit(signal).si
         tables = [continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
         typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}")
     else:
@@ -204,7 +218,10 @@ def data_simulate(
     samples: Annotated[int, typer.Option(help="Length of the record.")] = 360_000,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
 ) -> None:
-    """Draw a static recording of a sensor from published parameter values."""
+    """Draw a static recording of a sensor.
+
+    The parameter values are estimated with this package from the wavelet variances published with SMAC-Group/imudata.
+    """
     import jax
 
     rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
@@ -220,15 +237,35 @@ def demo(
     run_demo(out, samples, typer.echo)
 
 
-def _read(file: Path, channels: str, rate: float | None, unit: str | None, time: str | None) -> Recording:
+def _read(
+    file: Path,
+    channels: str,
+    rate: float | None,
+    unit: str | None,
+    time: str | None,
+    time_unit: str,
+    columns: str | None,
+    delimiter: str | None,
+) -> Recording:
     units = None if unit is None else _pairs(unit) if "=" in unit else unit
     if str(file) in datasets.names() and not file.exists():
         file = datasets.fetch(str(file))
-    column = int(time) if time is not None and time.isdigit() else time
-    rec = read_recording(file, rate=rate, units=units, time=column)
+    rec = read_recording(
+        file,
+        rate=rate,
+        units=units,
+        columns=None if columns is None else [_column(part) for part in columns.split(",")],
+        time=None if time is None else _column(time),
+        time_unit=time_unit,
+        delimiter=delimiter,
+    )
     if channels == "all":
         return rec
     return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
+
+
+def _column(text: str) -> int | str:
+    return int(text) if text.strip().isdigit() else text.strip()
 
 
 def _pairs(text: str) -> dict[str, str]:

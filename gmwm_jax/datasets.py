@@ -3,7 +3,8 @@
 The files are those of the repository SMAC-Group/imudata; none of them is part of this package. A machine without a
 network uses copies: put them into a folder and name it in the environment variable ``GMWM_JAX_DATA``.
 
-Simulated recordings need neither: they are drawn on the spot from published parameter values of real sensors.
+Simulated recordings need neither: they are drawn on the spot. The parameter values are estimated with this package from
+the wavelet variances published with SMAC-Group/imudata.
 """
 
 import os
@@ -14,6 +15,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from gmwm_jax._check import typed_key
 from gmwm_jax._known_files import KNOWN_FILES, KnownFile, sha256
 from gmwm_jax._sensors import SENSORS, Sensor
 from gmwm_jax._typing import PRNGKey
@@ -133,7 +135,10 @@ def simulated(
     key: PRNGKey | None = None,
     channels: Sequence[str] | None = None,
 ) -> Recording:
-    """Draw a static recording of a sensor from published parameter values, see `gmwm_jax._sensors`.
+    """Draw a static recording of a sensor.
+
+    The parameter values are estimated with this package from the wavelet variances published with SMAC-Group/imudata,
+    see `gmwm_jax._sensors`.
 
     Parameters
     ----------
@@ -155,6 +160,8 @@ def simulated(
     ------
     ValueError
         Unknown sensor or channel.
+    TypeError
+        The key is an integer or of the old kind.
     """
     models = sensor_models(sensor)
     chosen = tuple(models) if channels is None else tuple(channels)
@@ -162,6 +169,7 @@ def simulated(
         if channel not in models:
             raise ValueError(f"{sensor} has no channel {channel!r}; it has {', '.join(models)}.")
     key = jax.random.key(0) if key is None else key
+    typed_key(key)
     columns = [
         np.asarray(simulate(models[c], num_samples, key=jax.random.fold_in(key, zlib.crc32(c.encode()))))
         for c in chosen

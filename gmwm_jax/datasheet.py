@@ -4,7 +4,7 @@ import math
 import re
 from typing import Any
 
-from gmwm_jax._check import sampling_rate
+from gmwm_jax._check import positive, sampling_rate
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.gauss_markov import GM
@@ -13,7 +13,7 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import convert, from_continuous, unit
 
-_ENTRY = re.compile(r"\s*([-+.\deE]+)\s*([^-+.\d\s].*?)\s*")
+_ENTRY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^-+.\d\s].*?)?\s*")
 # entry -> (process, what its SI unit adds to the signal's, datasheet value -> filter quantity)
 _ENTRIES: dict[str, tuple[type[AbstractProcess], dict[str, str], Any]] = {
     "N": (WN, {"rad/s/sqrt(Hz)": "rad/s", "m/s^2/sqrt(Hz)": "m/s^2"}, lambda v: v * v),
@@ -50,7 +50,8 @@ def from_datasheet(
     Raises
     ------
     ValueError
-        No entry, an unknown one or its unit, a unit that does not fit, entries of a gyro and an accelerometer together.
+        No entry, an unknown one or its unit, a value that is not positive, a unit that is missing or does not fit,
+        entries of a gyro and an accelerometer together.
     """
     f = sampling_rate(rate)
     processes: list[AbstractProcess] = []
@@ -81,10 +82,12 @@ def from_datasheet(
 
 def _split(text: str) -> tuple[float, str]:
     match = _ENTRY.fullmatch(text)
-    try:
-        return float(match[1]), match[2]  # type: ignore[index]
-    except (TypeError, ValueError):
-        raise ValueError(f"Cannot read {text!r}: expected a number and a unit, as in '0.15 deg/sqrt(h)'.") from None
+    if match is None:
+        raise ValueError(f"Cannot read {text!r}: expected a number and a unit, as in '0.15 deg/sqrt(h)'.")
+    if match[2] is None:
+        raise ValueError(f"{text!r} has no unit: expected one as in '0.15 deg/sqrt(h)'.")
+    positive(repr(text), float(match[1]))
+    return float(match[1]), match[2]
 
 
 def _quantity(text: str) -> tuple[float, str]:

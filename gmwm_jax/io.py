@@ -26,6 +26,7 @@ from gmwm_jax.recording import Recording
 
 _SAVED = ("data", "rate", "channels", "units", "name")
 _RATE_TOLERANCE = 0.01
+_TIMES = {"t", "time", "timestamp", "timestamps", "sec", "seconds"}
 
 
 def read_recording(
@@ -81,7 +82,8 @@ def read_recording(
     ImportError
         Parquet and R data need the extra ``io``.
     ValueError
-        A file that is corrupt or no regular numeric series; a rate or unit that is missing or contradicts the file.
+        A file that is corrupt or no regular numeric series; a column of time that is neither named nor left out; a rate
+        or unit that is missing or contradicts the file.
     """
     file = Path(path)
     _require_file(file)
@@ -97,9 +99,12 @@ def read_recording(
         picked = [i for i in wanted if i != timed]
         if not picked:
             raise ValueError("No column is left to read besides that of time.")
+        labels = [table.names[i] if table.names else str(i) for i in picked]
+        found = [label for label in labels if label.lower() in _TIMES]
+        if found and time is None and table.units is None:
+            raise ValueError(f"Column {found[0]!r} looks like time: name it by time=..., or pick others by columns=...")
         loaded = list(table.load(picked if timed is None else [*picked, timed]))
         timed_rate = None if timed is None else rate_of_time(loaded.pop(), time_unit)
-        labels = [table.names[i] if table.names else str(i) for i in picked]
         return Recording.from_array(
             _stack(loaded, labels),
             rate=_agreed_rate({"rate=": rate, "the file": table.rate, "the column of time": timed_rate}),

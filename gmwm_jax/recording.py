@@ -12,12 +12,10 @@ from typing import Any, SupportsIndex
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._check import finite_record, sampling_rate
+from gmwm_jax._check import finite_record, sampling_rate, time_first
 from gmwm_jax._table import format_table, number
 from gmwm_jax._typing import FloatLike, Names
-from gmwm_jax.units import SignalUnit, signal_unit
-
-_SI_SIGNALS = ("rad/s", "m/s^2", "1")
+from gmwm_jax.units import SI_SIGNALS, SignalUnit, signal_unit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,9 +52,9 @@ class Recording:
         _check_shape(self.data)
         sampling_rate(self.rate)
         _check_names(self.channels, self.num_channels)
-        if len(self.units) != self.num_channels or not set(self.units) <= set(_SI_SIGNALS):
+        if len(self.units) != self.num_channels or not set(self.units) <= set(SI_SIGNALS):
             raise ValueError(
-                f"Each of the {self.num_channels} channels has one of the units {', '.join(_SI_SIGNALS)}, and they are "
+                f"Each of the {self.num_channels} channels has one of the units {', '.join(SI_SIGNALS)}, and they are "
                 f"{self.units}: Recording.from_array converts others."
             )
         for name, samples in self.items():
@@ -229,10 +227,7 @@ def _check_shape(data: np.ndarray) -> None:
         raise ValueError(f"The recording is empty: its shape is {data.shape}.")
     if samples < 2:
         raise ValueError(f"The recording has one sample (shape {data.shape}): noise shows only in a series of them.")
-    if channels > samples:
-        raise ValueError(
-            f"The data have {samples} samples of {channels} channels. Time is axis 0: transpose them if it is axis 1."
-        )
+    time_first(samples, channels)
 
 
 def _check_names(names: tuple[str, ...], count: int) -> None:

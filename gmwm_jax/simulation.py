@@ -8,7 +8,7 @@ import jax
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._check import require_x64
+from gmwm_jax._check import require_x64, typed_key
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.processes._base import AbstractProcess, Composite, sum_arrays
 from gmwm_jax.processes.registry import as_model
@@ -38,8 +38,11 @@ def simulate(model: str | AbstractProcess | Composite, num_samples: int, *, key:
     ------
     ValueError
         A parameter without value, or less than one sample.
+    TypeError
+        The key is an integer or of the old kind.
     """
     require_x64()
+    typed_key(key)
     model = as_model(model)
     for process in model.processes:
         process.require_complete()

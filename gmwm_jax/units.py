@@ -25,6 +25,9 @@ from gmwm_jax._check import sampling_rate
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
 
+SI_SIGNALS = ("rad/s", "m/s^2", "1")
+"""Units of signals inside the package."""
+
 _DEG = math.pi / 180.0
 _HOUR = 3600.0
 _G = STANDARD_GRAVITY
@@ -52,6 +55,7 @@ def _table() -> dict[str, Unit]:
     units: dict[str, Unit] = {}
     for name, size in _ANGLES.items():
         units[name] = Unit("rad", size)
+        units[f"{name}/min"] = Unit("rad/s", size / 60)
         for t, seconds in _TIMES.items():
             units[f"{name}/{t}"] = Unit("rad/s", size / seconds)
             # angle random walk: an angle that grows with the root of time
@@ -90,10 +94,15 @@ UNITS: dict[str, Unit] = _table()
 
 # How people write the same: lower case is not folded, since "mg" and "Mg" or "s" and "S" differ.
 _SPELLINGS = (
-    ("µ", "u"), ("μ", "u"), ("°", "deg"), ("√", "sqrt"), ("²", "^2"), ("³", "^3"), ("**", "^"), ("·", "*"),
-    ("sqrthr", "sqrt(h)"), ("hr", "h"), ("sqrtHz", "sqrt(Hz)"), ("rtHz", "sqrt(Hz)"), ("sqrth", "sqrt(h)"),
-    ("sqrts", "sqrt(s)"), ("rt(Hz)", "sqrt(Hz)"), ("sqsqrt", "sqrt"), ("dps", "deg/s"),
+    ("[µμ]", "u"), ("°", "deg"), ("√", "sqrt"), ("²", "^2"), ("³", "^3"), (r"\*\*", "^"), ("·", "*"), ("dps", "deg/s"),
+    (r"(?:sq)?rt\(?(Hz|hr|h|sec|s)\b\)?", r"sqrt(\1)"),  # sqrtHz, rt(h)
+    (r"\b(Hz|hr|h|sec|s)\^(?:0?\.5|\(1/2\)|1/2)", r"sqrt(\1)"),  # Hz^0.5
+    (r"\bhr(?![a-z])", "h"),
+    (r"\bsec(?![a-z])", "s"),
+    (r"\b([sh])([23])\b", r"\1^\2"),  # m/s2
+    (r"s/s\b", "s^2"),  # m/s/s, but not the start of deg/s/sqrt(Hz)
 )  # fmt: skip
+"""Regular expressions and what they become, in this order."""
 
 
 def unit(name: str) -> Unit:
@@ -102,7 +111,8 @@ def unit(name: str) -> Unit:
     Parameters
     ----------
     name
-        For example ``deg/h``, ``deg/sqrt(h)``, ``ug/sqrt(Hz)``, ``m/s^2``; ``µ``, ``°``, ``√`` and ``hr`` are read too.
+        For example ``deg/h``, ``deg/sqrt(h)``, ``ug/sqrt(Hz)``, ``m/s^2``; ``µ``, ``°``, ``√``, ``hr``, ``m/s2`` and
+        their like are read too.
 
     Raises
     ------
@@ -113,8 +123,7 @@ def unit(name: str) -> Unit:
     if plain in UNITS:
         return UNITS[plain]
     for written, meant in _SPELLINGS:
-        plain = plain.replace(written, meant)
-    plain = re.sub(r"s/s\b", "s^2", plain)  # m/s/s, but not the start of deg/s/sqrt(Hz)
+        plain = re.sub(written, meant, plain)
     if plain in UNITS:
         return UNITS[plain]
     head = plain.split("/")[0]

@@ -2,16 +2,27 @@
 
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import as_float, finite_record, positive, sampling_rate, spans
+from gmwm_jax._check import (
+    as_float,
+    confidence,
+    finite_record,
+    integer,
+    positive,
+    sampling_rate,
+    spans,
+    time_first,
+    unmasked,
+)
 from gmwm_jax._table import format_table, number
 from gmwm_jax.recording import Recording
+from gmwm_jax.units import SI_SIGNALS
 from gmwm_jax.wavelet import (
     check_num_levels,
     degrees_of_freedom,
@@ -81,17 +92,18 @@ class WaveletVariance:
         variance, ci_low, ci_high
             Haar MODWT wavelet variance, half the Allan variance at tau/2, and the ends of its interval.
         num_samples
-            Length of the record, needed for standard errors.
+            Length of the record, needed for standard errors; at least the longest span.
         level
             Confidence of the interval.
         rate, unit
-            Sampling rate in Hz and SI unit of the signal (``rad/s``, ``m/s^2``).
+            Sampling rate in Hz and SI unit of the signal (``rad/s``, ``m/s^2`` or ``1``).
 
         Raises
         ------
         ValueError
             Different lengths, spans that are not even numbers of samples in increasing order, variances that are
-            negative, zero or not finite, an interval that does not hold its variance.
+            negative, zero or not finite, an interval that does not hold its variance, a record shorter than a span, a
+            level outside 0 to 1, another unit.
         """
         columns = {"scales": scales, "variance": variance, "ci_low": ci_low, "ci_high": ci_high}
         arrays = {k: np.asarray(v, dtype=np.float64) for k, v in columns.items()}
@@ -113,6 +125,10 @@ class WaveletVariance:
             raise ValueError(f"The interval at scale {tau[outside][0]:g} does not hold its variance, or is empty.")
         if rate is not None:
             rate = sampling_rate(rate)
+        if num_samples is not None:
+            num_samples = integer("num_samples", num_samples, int(tau[-1]))
+        level = confidence(level)
+        _require_si(unit)
         values = (arrays["variance"], arrays["ci_low"], arrays["ci_high"])
         return cls(tau, *values, num_samples, level, rate, channels=(name or "x",), units=(unit,), name=name)
 
@@ -125,6 +141,12 @@ class WaveletVariance:
     def is_single(self) -> bool:
         """One channel, with arrays of shape (J,)?"""
         return self.variance.ndim == 1
+
+    @property
+    def has_theory(self) -> bool:
+        """Is there a theory of its covariance? MODWT, all scales 2, 4 ... 2^J, of a record of known length."""
+        dyadic = np.array_equal(self.scales, 2.0 ** np.arange(1, self.num_scales + 1))
+        return self.num_samples is not None and self.method == "modwt" and dyadic
 
     @property
     def times(self) -> Float[np.ndarray, " J"]:
@@ -169,7 +191,7 @@ class WaveletVariance:
 
 
 def wavelet_variance(
-    record: Recording | np.ndarray | Iterable[np.ndarray],
+    record: Any,
     *,
     num_levels: int | None = None,
     method: str = "modwt",
@@ -183,8 +205,9 @@ def wavelet_variance(
     Parameters
     ----------
     record
-        A `Recording`; an array of shape (N,) or (N, C), `numpy.memmap` included; or an iterable of one-dimensional
-        blocks of one channel.
+        A `Recording`; an array or list of shape (N,) or (N, C), `numpy.memmap` included, its masked samples taken as
+        missing; or an iterator of one-dimensional blocks, which is one channel (several: a memory map, or one call
+        each).
     num_levels
         J, by default floor(log2 N) - 1.
     method
@@ -192,7 +215,8 @@ def wavelet_variance(
     level
         Confidence of the intervals.
     rate, unit
-        Sampling rate in Hz and SI unit of a record that is not a `Recording` (which knows them).
+        Sampling rate in Hz and SI unit (``rad/s``, ``m/s^2`` or ``1``) of a record that is not a `Recording` (which
+        knows them).
     scratch
         A folder for temporary files, for records that are larger than memory: an iterable of blocks is spooled there
         (in the system's temporary folder if none is given), and so are the running sums.
@@ -205,23 +229,32 @@ def wavelet_variance(
     Raises
     ------
     ValueError
-        Too short, constant, NaN or inf (the first is named), unknown method.
+        Too short, turned (more channels than samples), constant or coarsely quantised, masked, NaN or inf (the first is
+        named), unknown method, a unit that is not SI.
+    TypeError
+        A record of another kind.
     """
     if method not in ("modwt", "dwt"):
         raise ValueError(f"method must be 'modwt' or 'dwt', and is {method!r}.")
+    _require_si(unit)
+    is_array = isinstance(record, Sequence) or hasattr(record, "__array__")
+    if isinstance(record, (str, bytes, Mapping, Set)) or not (is_array or isinstance(record, Iterable)):
+        raise TypeError(f"A record is a Recording, an array or an iterator of blocks, and no {type(record).__name__}.")
     if isinstance(record, Recording):
         if rate is not None and rate != record.rate:
             raise ValueError(f"rate={rate} was given, and the recording has {record.rate} Hz.")
         data, rate, channels, units, name = record.data, record.rate, record.channels, record.units, record.name
         if record.num_channels == 1:
             data = data[:, 0]
-    elif isinstance(record, np.ndarray) or hasattr(record, "__array__"):
-        data = record if isinstance(record, np.memmap) else np.asarray(record)
+    elif is_array:
+        data = _as_array(record)
         if data.ndim not in (1, 2) or data.size == 0:
             raise ValueError(f"A record has the shape (N,) or (N, C) and is not empty; this one has {data.shape}.")
         if data.dtype.kind not in "fiu":
             raise ValueError(f"A record holds real numbers, and this one has the dtype {data.dtype}.")
+        data = unmasked(data)
         num = 1 if data.ndim == 1 else data.shape[1]
+        time_first(data.shape[0], num)
         channels = ("x",) if data.ndim == 1 else tuple(f"channel_{i}" for i in range(num))
         units, name = (unit,) * num, ""
         rate = None if rate is None else sampling_rate(rate)
@@ -239,11 +272,7 @@ def wavelet_variance(
         else:
             finite_record(np.asarray(x), channel)
             nu = np.asarray(haar_dwt_variance(as_float(x), J))
-        if np.any(nu <= 0):
-            raise ValueError(
-                f"{channel} does not change over spans of {2 ** (int(np.argmin(nu > 0)) + 1)} samples: a constant or "
-                "stuck channel has no noise to model. Check the column and the sensor."
-            )
+        _require_noise(nu, channel)
         columns.append(nu)
     nu = columns[0] if data.ndim == 1 else np.column_stack(columns)
     low, high = interval_factors(degrees_of_freedom(num_samples, J, decimated=method == "dwt"), level)
@@ -252,6 +281,38 @@ def wavelet_variance(
     return WaveletVariance(
         scales(J), nu, nu * low, nu * high, num_samples, level, rate, tuple(channels), tuple(units), name, method
     )
+
+
+def _as_array(record: Any) -> np.ndarray:
+    if isinstance(record, (np.memmap, np.ma.MaskedArray)):
+        return record
+    try:
+        return np.asarray(record)
+    except ValueError as error:
+        raise ValueError(f"The list is no array ({error}). Blocks of one channel are given as iter(blocks).") from None
+
+
+def _require_si(unit: str) -> None:
+    if unit not in SI_SIGNALS:
+        raise ValueError(
+            f"unit is one of {', '.join(SI_SIGNALS)}, and is {unit!r}: Recording.from_array converts samples in others."
+        )
+
+
+def _require_noise(nu: Float[np.ndarray, " J"], channel: str) -> None:
+    """Raise if the wavelet variance vanishes at a scale, by chance or because nothing changes."""
+    zero = nu <= 0
+    if np.all(zero):
+        raise ValueError(
+            f"{channel} does not change: a constant or stuck channel has no noise to model. Check the column and the "
+            "sensor."
+        )
+    if np.any(zero):
+        empty = ", ".join(str(2 ** (j + 1)) for j in np.flatnonzero(zero))
+        raise ValueError(
+            f"{channel} changes, and yet its wavelet variance is zero at spans of {empty} samples: the samples are "
+            "coarsely quantised, or repeat a pattern. Leave these scales out by num_levels=..., or take more samples."
+        )
 
 
 def _from_blocks(
@@ -265,7 +326,7 @@ def _from_blocks(
 ) -> WaveletVariance:
     """Spool the blocks to a scratch file and take the wavelet variance of its memory map."""
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
-        spooled = blocks_to_file(blocks, os.path.join(folder, "record.f64"))
+        spooled = blocks_to_file(map(unmasked, blocks), os.path.join(folder, "record.f64"))
         result = wavelet_variance(
             spooled, num_levels=num_levels, method=method, level=level, rate=rate, unit=unit, scratch=folder
         )

@@ -22,7 +22,7 @@ from jax import Array
 from jaxtyping import Float
 from scipy.special import gammaincinv
 
-from gmwm_jax._check import require_x64
+from gmwm_jax._check import confidence, integer, require_x64
 
 
 def default_num_levels(num_samples: int) -> int:
@@ -31,18 +31,19 @@ def default_num_levels(num_samples: int) -> int:
 
 
 def check_num_levels(num_samples: int, num_levels: int | None) -> int:
-    """Return the number of levels, or raise ValueError if the record is too short for it."""
+    """Return the number of levels, or raise ValueError if it is no positive integer or the record is too short."""
     longest = default_num_levels(num_samples)
     if longest < 1:
         raise ValueError(f"A wavelet variance needs at least 4 samples, and the record has {num_samples}.")
     if num_levels is None:
         return longest
-    if not 1 <= num_levels <= num_samples.bit_length() - 1 or 2**num_levels > num_samples:
+    J = integer("num_levels", num_levels, 1)
+    if num_samples.bit_length() - 1 < J:
         raise ValueError(
-            f"{num_levels} levels need {2 ** max(num_levels, 1)} samples or more, and the record has {num_samples}. "
+            f"{J} levels need 2^{J} samples or more, and the record has {num_samples}. "
             f"Leave num_levels out for the default, {longest}."
         )
-    return num_levels
+    return J
 
 
 def scales(num_levels: int) -> Float[np.ndarray, " J"]:
@@ -78,8 +79,7 @@ def interval_factors(
     -------
     eta/chi2_{(1+level)/2} and eta/chi2_{(1-level)/2}, the factors of the lower and the upper end.
     """
-    if not 0 < level < 1:
-        raise ValueError(f"A confidence level lies between 0 and 1, and is {level!r}.")
+    level = confidence(level)
     # chi2 quantile = 2 gammaincinv(eta/2, p)
     upper, lower = (2 * gammaincinv(eta / 2, p) for p in ((1 + level) / 2, (1 - level) / 2))
     return eta / upper, eta / lower

@@ -51,7 +51,7 @@ def close(shown, printed):
 
 def same(shown, printed):
     try:
-        return float(printed) == pytest.approx(float(shown), rel=2e-3)
+        return float(printed) == pytest.approx(float(shown), rel=2e-3, abs=0)
     except ValueError:
         return shown == printed
 

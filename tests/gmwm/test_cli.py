@@ -68,7 +68,7 @@ def test_wv_prints_the_table(npz, wv):
 def test_wv_of_a_text_file_in_other_units(csv, wv):
     stdout = call("wv", csv, "--unit", "gyro=deg/s,accel=g", "--time", "time", "--json", "-").stdout
     content = json.loads(stdout)
-    assert content["rate"] == pytest.approx(100.0, rel=1e-9)
+    assert content["rate"] == pytest.approx(100.0, rel=1e-9, abs=0)
     assert content["num_samples"] == 3000
     np.testing.assert_array_equal(content["scales"], wv.scales)
     for name, one in wv.items():
@@ -76,6 +76,24 @@ def test_wv_of_a_text_file_in_other_units(csv, wv):
         assert of["unit"] == one.units[0]
         for key in ("variance", "ci_low", "ci_high"):
             np.testing.assert_allclose(of[key], getattr(one, key), rtol=1e-9)
+
+
+def test_columns_time_unit_delimiter_and_level(rec, wv, tmp_path):
+    """A file without names: number, time in ms, and what is picked, separated by bars."""
+    gyro = np.rad2deg(rec["gyro"].data)
+    table = np.column_stack([np.arange(3000), rec.time() * 1000, gyro])
+    np.savetxt(tmp_path / "rec.txt", table, delimiter="|", fmt="%.17g")
+    reading = ("--unit", "deg/s", "--time", "1", "--time-unit", "ms", "--columns", "2, 3", "--delimiter", "|")
+    content = json.loads(call("wv", tmp_path / "rec.txt", *reading, "--level", "0.5", "--json", "-").stdout)
+    assert content["rate"] == pytest.approx(100.0, rel=1e-9, abs=0)
+    assert content["level"] == 0.5
+    for (one, half), name in zip(content["channels"].items(), ("gyro_x", "gyro_y"), strict=True):
+        np.testing.assert_allclose(half["variance"], wv[name].variance, rtol=1e-9, err_msg=one)
+        assert np.all(np.array(half["ci_high"]) < wv[name].ci_high)
+    arguments = ("fit", tmp_path / "rec.txt", *reading, "--model", "WN", "--json", "-")
+    wide, narrow = (json.loads(call(*arguments, "--level", level).stdout)[0] for level in (0.95, 0.5))
+    np.testing.assert_allclose(narrow["variance"], wv["gyro_x"].variance, rtol=1e-9)
+    assert narrow["parameters"][0]["ci_high"] < wide["parameters"][0]["ci_high"]
 
 
 @pytest.mark.parametrize(
@@ -144,7 +162,7 @@ def test_fit_to_json_and_figure(npz, tmp_path, wv):
     assert (sigma2["symbol"], sigma2["component"]) == ("sigma2", "WN")
     N = next(e for e in one["datasheet"] if e["symbol"] == "N")
     assert N["unit"] == "deg/sqrt(h)"
-    assert N["value"] == pytest.approx(np.rad2deg(np.sqrt(sigma2["value"] / 100)) * 60, rel=1e-12)
+    assert N["value"] == pytest.approx(np.rad2deg(np.sqrt(sigma2["value"] / 100)) * 60, rel=1e-12, abs=0)
 
 
 def test_fit_of_one_channel(npz):
@@ -186,9 +204,9 @@ def test_units_of_a_model():
     assert float(rows["WN", "q"][2]) == 1e-6
     assert float(rows["GM", "beta"][2]) == 1.0
     assert float(rows["GM", "tau_c"][2]) == 1.0
-    assert float(rows["WN", "N"][2]) == pytest.approx(1e-3 * 180 / np.pi * 60, rel=1e-4)
+    assert float(rows["WN", "N"][2]) == pytest.approx(1e-3 * 180 / np.pi * 60, rel=1e-4, abs=0)
     assert "(rad/s)^2/Hz" in stdout
-    accel = call("units", "--model", "WN(sigma2=1e-4)", "--rate", "100", "--signal", "g").stdout
+    accel = call("units", "--model", "WN(sigma2=1e-4)", "--rate", "100", "--signal", "m/s^2").stdout
     assert "(m/s^2)^2/Hz" in accel
 
 
@@ -259,21 +277,25 @@ STATED = ("--rate", "100", "--unit", "rad/s")
         (("wv", "{npz}", "--levels", "40"), "40"),
         (("wv", "{npz}", "--rate", "50"), "Wrong rate"),
         (("wv", "{bad}/bare.npy", "--unit", "rad/s"), "sampling rate is missing"),
-        (("wv", "{bad}/bare.npy", "--rate", "100"), "unit of the samples is missing"),
+        (("wv", "{bad}/bare.npy", "--rate", "100"), "missing: give units=... (--unit on the command line)"),
         (("wv", "{bad}/bare.npy", "--rate", "100", "--unit", "deg/w"), "Unknown unit 'deg/w'. Known ones near it"),
         (("wv", "{bad}/bare.npy", "--rate", "100", "--unit", "gyro=deg/s,g"), "Cannot read 'g': expected name=value"),
         (("wv", "{bad}/bare.npy", "--time", "0", "--unit", "rad/s"), "Time does not increase"),
         (("wv", "{bad}/nan.npy", *STATED), "'channel_1' holds 1 values that are NaN or infinite, the first (nan)"),
         (("wv", "{bad}/none.csv", *STATED), "There is no file"),
+        (("wv", "{npz}", "--level", "95"), "level lies between 0 and 1"),
+        (("wv", "{npz}", "--columns", "gyro_w"), "There is no column 'gyro_w'"),
         (("fit", "{npz}", "--model", "WN + XY"), "Unknown process 'XY' in the model 'WN + XY'. Known: WN, QN, RW"),
         (("fit", "{npz}", "--model", "6*GM + WN"), "13 free parameters and the wavelet variance 10 scales"),
-        (("fit", "{npz}", "--model", MODEL, "--datasheet", "N=5"), "Cannot read '5': expected a number and a unit"),
+        (("fit", "{npz}", "--model", MODEL, "--datasheet", "N=5"), "'5' has no unit"),
         (("fit", "{npz}", "--model", MODEL, "--datasheet", "B=5 deg/h"), "Unknown datasheet entry 'B'"),
         (("fit", "{bad}/nan.npy", *STATED, "--model", MODEL), "(nan) at index 17"),
         (("units",), "Give a number with two units, or --model, or --datasheet"),
         (("units", "1", "deg/h"), "from one unit to another"),
         (("units", "1", "deg/h", "g"), "deg/h measures rad/s and g measures m/s^2"),
         (("units", "--model", "WN(sigma2=1)"), "sampling rate is missing"),
+        (("units", "--model", "WN(sigma2=1)", "--rate", "1", "--signal", "deg/s"), "--signal is rad/s, m/s^2 or 1"),
+        (("units", "--model", "WN(sigma2=1)", "--rate", "1", "--signal", "m/s"), "--signal is rad/s, m/s^2 or 1"),
         (("units", "--model", "WN", "--rate", "1"), "WN has no value for sigma2"),
         (("units", "--model", "WN(sigma2=-1)", "--rate", "1"), "sigma2 must be one number in [0, inf), and is -1"),
         (("units", "--model", "WN(sigma2=1)", "--rate", "0"), "positive number of Hz"),

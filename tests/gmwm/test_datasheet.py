@@ -38,6 +38,8 @@ F = 200.0
         # ramp: omega = R/f
         ("R", "4 deg/h/h", "DR", (4 * DEG / HOUR / HOUR) / F, "rad/s"),
         ("R", "10 ug/h", "DR", (10e-6 * G / HOUR) / F, "m/s^2"),
+        ("N", "+.5e-3deg/s/sqrt(Hz)", "WN", (0.5e-3 * DEG) ** 2 * F, "rad/s"),
+        ("N", "5.E-3 deg/s/rt(Hz)", "WN", (5e-3 * DEG) ** 2 * F, "rad/s"),
         ("N", " 1e-3  rad/s/sqrt(Hz) ", "WN", 1e-6 * F, "rad/s"),
     ],
 )
@@ -45,7 +47,7 @@ def test_entries(name, text, kind, value, signal):
     model, unit = from_datasheet({name: text}, F)
     (process,) = model.processes
     assert (process.kind, unit) == (kind, signal)
-    assert float(process.values[0]) == pytest.approx(value, rel=1e-12)
+    assert float(process.values[0]) == pytest.approx(value, rel=1e-12, abs=0)
 
 
 def test_several_entries_and_gauss_markov_processes():
@@ -55,8 +57,8 @@ def test_several_entries_and_gauss_markov_processes():
     assert unit == "rad/s"
     assert model.labels == ("WN", "RW", "GM_1", "GM_2")
     for process, sigma, seconds in zip(model.processes[2:], (10, 3), (100, 3600), strict=True):
-        assert float(process.beta) == pytest.approx(1 / (seconds * F), rel=1e-12)
-        assert float(process.variance) == pytest.approx((sigma * DEG / HOUR) ** 2, rel=1e-12)
+        assert float(process.beta) == pytest.approx(1 / (seconds * F), rel=1e-12, abs=0)
+        assert float(process.variance) == pytest.approx((sigma * DEG / HOUR) ** 2, rel=1e-12, abs=0)
 
 
 def test_a_gauss_markov_process_alone():
@@ -68,7 +70,15 @@ def test_a_gauss_markov_process_alone():
     ("entries", "gauss_markov", "message"),
     [
         ({"B": "1 deg/h"}, (), "Unknown datasheet entry 'B'; known are N, Q, LSB, K, R"),
-        ({"N": "0.15"}, (), "Cannot read '0.15': expected a number and a unit"),
+        ({"N": "0.15"}, (), "'0.15' has no unit"),
+        ({"N": "5e-3"}, (), "'5e-3' has no unit"),
+        ({"N": "-1 deg/sqrt(h)"}, (), "'-1 deg/sqrt.h.' must be positive and finite"),
+        ({"N": "0 deg/sqrt(h)"}, (), "must be positive and finite"),
+        ({"R": "-4 deg/h/h"}, (), "must be positive and finite"),
+        ({"N": "1e999 deg/sqrt(h)"}, (), "must be positive and finite, and is inf"),
+        ({}, (("-1 deg/h", "1 s"),), "'-1 deg/h' must be positive"),
+        ({}, (("1 deg/h", "0 s"),), "'0 s' must be positive"),
+        ({}, (("1 deg/h", "-1 s"),), "'-1 s' must be positive"),
         ({"N": "deg/h"}, (), "Cannot read 'deg/h'"),
         ({"N": "1.2.3 deg/h"}, (), "Cannot read '1.2.3 deg/h'"),
         ({"N": "1 deg/h"}, (), r"N = '1 deg/h' measures rad/s; N is given in units of rad/s/sqrt\(Hz\) or m/s\^2"),
@@ -131,8 +141,8 @@ def test_sensor_datasheet():
     gyro, accel = (datasets.sensor_datasheet("mti-g", group) for group in ("gyro", "accel"))
     assert gyro is not None
     assert accel is not None
-    assert float(gyro.processes[0].amplitude) == pytest.approx((0.05 * DEG) ** 2 * 100, rel=1e-12)
-    assert float(accel.processes[0].amplitude) == pytest.approx(0.002**2 * 100, rel=1e-12)
+    assert float(gyro.processes[0].amplitude) == pytest.approx((0.05 * DEG) ** 2 * 100, rel=1e-12, abs=0)
+    assert float(accel.processes[0].amplitude) == pytest.approx(0.002**2 * 100, rel=1e-12, abs=0)
     assert datasets.sensor_datasheet("ln200", "accel") is None
 
 

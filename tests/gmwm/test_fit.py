@@ -108,7 +108,7 @@ def adis_fits(request):
 def test_never_above_r(adis_fits):
     """Four series, eight models: the objective is at most R's times (1 + 1e-9).
 
-    R's own value is reproduced to 1e-4: its AR1 formula cancels at phi = 0.99994.
+    R's own value is reproduced to 1e-8, and to 1e-3 where its AR1 formula cancels: up to 1.6e-4 at phi = 0.9999987.
     """
     reference, ours = adis_fits
     for channel, models in reference.items():
@@ -116,8 +116,10 @@ def test_never_above_r(adis_fits):
             fit = ours[name][channel]
             assert fit.status is Status.converged
             assert fit.objective <= row["obj"] * (1 + 1e-9), (channel, name)
-            at_r = gj.objective(fit.wv, from_r(row["process"], row["est"]))
-            assert at_r == pytest.approx(row["obj"], rel=1e-4), (channel, name)
+            at_r = from_r(row["process"], row["est"])
+            cancels = any(isinstance(p, gj.AR1) and p.phi > 0.99993 for p in at_r.processes)
+            expected = pytest.approx(row["obj"], rel=1e-3 if cancels else 1e-8)
+            assert gj.objective(fit.wv, at_r) == expected, (channel, name)
 
 
 CONTAINS = {

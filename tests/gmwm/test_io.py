@@ -52,7 +52,7 @@ def test_npy_vector_columns_and_time(tmp_path):
     np.save(tmp_path / "t.npy", np.column_stack([X[:, 0], T, X[:, 1:]]))
     rec = read_recording(tmp_path / "t.npy", units="deg/s", time=1)
     np.testing.assert_allclose(rec.data, X * DEG, rtol=1e-15)
-    assert rec.rate == pytest.approx(50.0, rel=1e-12)
+    assert rec.rate == pytest.approx(50.0, rel=1e-12, abs=0)
     rec = read_recording(tmp_path / "t.npy", units="1", time=1, columns=[3, 0])
     np.testing.assert_array_equal(rec.data, X[:, [2, 0]])
 
@@ -196,7 +196,7 @@ def test_text_columns_and_time_by_name_or_number(write):
         rec = read_recording(write(text), units="rad/s", columns=columns, time=time)
         np.testing.assert_array_equal(rec.data, X[:, [2, 0]])
         assert rec.channels == ("gyro_z", "gyro_x")
-        assert rec.rate == pytest.approx(50.0, rel=1e-12)
+        assert rec.rate == pytest.approx(50.0, rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -245,7 +245,7 @@ def timed(times, data=X):
 )
 def test_time_units(write, unit, size):
     rec = read_recording(write(timed(1000 + T * size)), units="1", time="t", time_unit=unit)
-    assert rec.rate == pytest.approx(50.0, rel=1e-7)
+    assert rec.rate == pytest.approx(50.0, rel=1e-7, abs=0)
     assert rec.channels == ("x", "y", "z")
 
 
@@ -267,6 +267,20 @@ def test_a_given_rate_that_agrees_with_time_holds(write):
 def test_bad_time(write, times, arguments, message):
     with pytest.raises(ValueError, match=message):
         read_recording(write(timed(times)), units="1", time="t", **arguments)
+
+
+@pytest.mark.parametrize("name", ["t", "Time", "TIMESTAMP", "timestamps", "sec", "Seconds"])
+def test_a_column_of_time_is_no_channel(write, name):
+    file = write(timed(T).replace("t,", f"{name},", 1))
+    with pytest.raises(ValueError, match=rf"'{name.lower()}' looks like time.*time=.*columns="):
+        read_recording(file, rate=50.0, units="1")
+    assert read_recording(file, rate=50.0, units="1", columns=["x", "z"]).channels == ("x", "z")
+    assert read_recording(file, units="1", time=name).channels == ("x", "y", "z")
+
+
+def test_a_saved_channel_may_be_called_time(tmp_path):
+    rec = Recording.from_array(X[:, 0], rate=50.0, units="1", channels="t")
+    assert read_recording(save_recording(rec, tmp_path / "t.npz")).channels == ("t",)
 
 
 def test_rates_and_units_are_never_guessed(write):
@@ -301,7 +315,7 @@ def test_parquet(tmp_path):
     pq.write_table(pa.table(columns), path)
     rec = read_recording(path, units="deg/s", columns=["gyro_y", "gyro_x"], time="stamp")
     np.testing.assert_allclose(rec.data, np.column_stack([X[:, 1].astype(np.float32), X[:, 0]]) * DEG, rtol=1e-15)
-    assert rec.rate == pytest.approx(50.0, rel=1e-12)
+    assert rec.rate == pytest.approx(50.0, rel=1e-12, abs=0)
     with pytest.raises(ValueError, match=r"Column 'note' holds .*ok.*not numbers"):
         read_recording(path, units="deg/s", time="stamp")
     path.write_bytes(path.read_bytes()[:-100])

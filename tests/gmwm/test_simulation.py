@@ -1,5 +1,7 @@
 """Draws: recursions against a loop, moments and wavelet variances of many records against theory, named streams."""
 
+import inspect
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -213,6 +215,13 @@ def test_incomplete_models_are_refused(kind, key):
 def test_empty_records_are_refused(num_samples, key):
     with pytest.raises(ValueError, match=f"at least one sample; num_samples is {num_samples}"):
         simulate("WN(sigma2=1)", num_samples, key=key)
+
+
+@pytest.mark.parametrize("wrong", [0, None, np.array([0, 1], dtype=np.uint32)])
+def test_keys_are_typed(wrong):
+    """Below the type checks of the test run, which users do not have."""
+    with pytest.raises(TypeError, match=r"such as jax.random.key\(0\)"):
+        inspect.unwrap(simulate)("WN(sigma2=1)", 10, key=wrong)
 
 
 def test_model_text_and_one_sample(key):

@@ -1,5 +1,6 @@
 """The empirical wavelet variance: both paths against a textbook loop, R's numbers and allantools."""
 
+import inspect
 import json
 
 import allantools
@@ -12,7 +13,13 @@ from scipy.stats import chi2
 
 import gmwm_jax as gj
 from gmwm_jax import wavelet_host
-from gmwm_jax.wavelet import degrees_of_freedom, haar_dwt_variance, haar_wavelet_variance, interval_factors
+from gmwm_jax.wavelet import (
+    check_num_levels,
+    degrees_of_freedom,
+    haar_dwt_variance,
+    haar_wavelet_variance,
+    interval_factors,
+)
 from gmwm_jax.wavelet_host import host_wavelet_variance
 
 
@@ -156,6 +163,13 @@ def test_interval_is_chi_square():
         np.testing.assert_allclose(high, eta / chi2.ppf((1 - level) / 2, eta), rtol=1e-12)
 
 
+def in_batches(x, **options):
+    """More records than samples, as many at a time as there are samples."""
+    parts = [gj.wavelet_variance(x[:, i : i + len(x)], **options) for i in range(0, x.shape[1], len(x))]
+    fields = ("variance", "ci_low", "ci_high")
+    return (parts[0].scales, *(np.hstack([getattr(p, field) for p in parts]) for field in fields))
+
+
 @pytest.mark.parametrize("method", ["modwt", "dwt"])
 def test_interval_covers_white_noise(method):
     """2,000 records of 512 samples of white noise: coverage of nu^2 = 1/tau at 95 %, band of 4 binomial sigmas.
@@ -164,9 +178,9 @@ def test_interval_covers_white_noise(method):
     """
     num, J = 2000, 6
     x = np.random.default_rng(6).normal(size=(512, num))
-    wv = gj.wavelet_variance(x, num_levels=J, method=method)
-    truth = 1 / wv.scales[:, None]
-    covered = np.mean((wv.ci_low <= truth) & (truth <= wv.ci_high), axis=1)
+    scales, _, low, high = in_batches(x, num_levels=J, method=method)
+    truth = 1 / scales[:, None]
+    covered = np.mean((low <= truth) & (truth <= high), axis=1)
     sigma = np.sqrt(0.95 * 0.05 / num)
     assert np.all(covered > 0.95 - 4 * sigma)
     if method == "dwt":
@@ -176,7 +190,7 @@ def test_interval_covers_white_noise(method):
 def test_dwt_has_the_expectation_of_the_modwt():
     """R's wv leaves a factor 2^j in the DWT. Mean over 4,000 records of white noise, 4 sigmas of the mean."""
     x = np.random.default_rng(7).normal(size=(256, 4000))
-    wv = gj.wavelet_variance(x, num_levels=4, method="dwt").variance
+    _, wv, _, _ = in_batches(x, num_levels=4, method="dwt")
     error = wv.std(axis=1) / np.sqrt(wv.shape[1])
     assert np.all(np.abs(wv.mean(axis=1) - 1 / 2.0 ** np.arange(1, 5)) < 4 * error)
 
@@ -201,6 +215,13 @@ def test_jax_path_maps_compiles_once_and_differentiates(key):
         (np.ones(100), "does not change"),
         (np.array([1.0, 2.0, np.nan, 3.0, 1.0]), r"NaN or infinite.*index 2"),
         (np.array([1.0, 2.0, 5.0, 3.0, np.inf]), r"NaN or infinite.*index 4"),
+        (np.ma.masked_array([1.0, 2.0, 5.0, 3.0, 1.0], mask=[0, 0, 0, 1, 0]), r"NaN or infinite.*index 3"),
+        (np.ma.masked_array([1, 2, 5, 3, 1], mask=[0, 1, 0, 0, 0]), r"NaN or infinite.*index 1"),
+        (iter([np.ma.masked_array([1.0, 2.0, 5.0, 3.0], mask=[0, 0, 1, 0])]), r"NaN or infinite.*index 2"),
+        (np.random.default_rng(0).normal(size=(3, 100)), "3 samples of 100 channels.*transpose"),
+        ([np.arange(3.0), np.arange(4.0)], r"no array.*iter\(blocks\)"),
+        ([[1.0, 2.0, 3.0], [4.0, 5.0, 7.0]], "2 samples of 3 channels"),
+        (np.tile([1.0, -1.0], 50), "coarsely quantised.*"),
         (np.array(["a"] * 10), "real numbers"),
         (np.ones((3, 3, 3)), r"\(N,\) or \(N, C\)"),
         (iter([]), "no block"),
@@ -210,6 +231,42 @@ def test_jax_path_maps_compiles_once_and_differentiates(key):
 def test_bad_records_name_their_fault(record, message):
     with pytest.raises(ValueError, match=message):
         gj.wavelet_variance(record)
+
+
+@pytest.mark.parametrize("record", ["abc", b"abc", {"x": np.ones(5)}, {1.0, 2.0}, 5.0, None])
+def test_what_is_no_record_is_named(record):
+    with pytest.raises(TypeError, match=f"no {type(record).__name__}"):
+        gj.wavelet_variance(record)
+
+
+def test_lists_are_arrays():
+    x = np.random.default_rng(3).normal(size=(40, 2))
+    for record in (x[:, 0].tolist(), tuple(x[:, 0])):
+        np.testing.assert_array_equal(gj.wavelet_variance(record).variance, gj.wavelet_variance(x[:, 0]).variance)
+    np.testing.assert_array_equal(gj.wavelet_variance(x.tolist()).variance, gj.wavelet_variance(x).variance)
+
+
+def test_an_array_without_masked_samples_is_like_any_other():
+    x = np.random.default_rng(3).normal(size=40)
+    np.testing.assert_array_equal(gj.wavelet_variance(np.ma.array(x)).variance, gj.wavelet_variance(x).variance)
+
+
+def test_scales_that_vanish_by_quantisation_are_named():
+    """Alternating +1, -1: every sum over two samples is zero."""
+    x = np.tile([1.0, -1.0], 50)
+    with pytest.raises(ValueError, match=r"x changes.*zero at spans of 4, 8, 16, 32 samples"):
+        gj.wavelet_variance(x)
+    assert gj.wavelet_variance(x, num_levels=1).variance == [1.0]
+
+
+def test_which_wavelet_variances_have_a_theory():
+    x = np.random.default_rng(3).normal(size=(40, 2))
+    assert gj.wavelet_variance(x).has_theory
+    assert not gj.wavelet_variance(x, method="dwt").has_theory
+    assert gj.WaveletVariance.from_table(**TABLE, num_samples=100).has_theory
+    assert not gj.WaveletVariance.from_table(**TABLE).has_theory
+    assert not gj.WaveletVariance.from_table(**{**TABLE, "scales": [4, 8, 16]}, num_samples=100).has_theory
+    assert not gj.WaveletVariance.from_table(**{**TABLE, "scales": [2, 4, 6]}, num_samples=100).has_theory
 
 
 def test_infinity_far_into_a_long_record_is_named():
@@ -223,8 +280,17 @@ def test_bad_options_name_their_fault():
     x = np.random.default_rng(0).normal(size=100)
     with pytest.raises(ValueError, match="modwt"):
         gj.wavelet_variance(x, method="haar")
-    with pytest.raises(ValueError, match="7 levels need 128 samples"):
+    with pytest.raises(ValueError, match=r"7 levels need 2\^7 samples"):
         gj.wavelet_variance(x, num_levels=7)
+    for wrong in (0, -1):
+        with pytest.raises(ValueError, match=f"num_levels must be an integer of 1 or more, and is {wrong!r}"):
+            gj.wavelet_variance(x, num_levels=wrong)
+    for wrong in (2.5, "3"):
+        with pytest.raises(ValueError, match=f"num_levels must be an integer of 1 or more, and is {wrong!r}"):
+            inspect.unwrap(check_num_levels)(100, wrong)
+    for wrong in ("deg/s", "g", "rad", ""):
+        with pytest.raises(ValueError, match=r"unit is one of rad/s, m/s\^2, 1.*Recording.from_array"):
+            gj.wavelet_variance(x, unit=wrong)
     with pytest.raises(ValueError, match="positive number of Hz"):
         gj.wavelet_variance(x, rate=-1.0)
     with pytest.raises(ValueError, match="between 0 and 1"):
@@ -239,13 +305,16 @@ TABLE = {"scales": [2, 4, 8], "variance": [3.0, 2.0, 1.0], "ci_low": [2.0, 1.0, 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"scales": [0.02, 0.04, 0.08]}, "multiply by the sampling rate"),
+        ({"scales": [0.02, 0.04, 0.08]}, "multiplied by the sampling rate"),
         ({"scales": [2, 8, 4]}, "increasing"),
         ({"variance": [3.0, -2.0, 1.0]}, "variance must be positive"),
         ({"variance": [3.0, np.nan, 1.0]}, "finite"),
         ({"variance": [3.0, 2.0]}, "equally long"),
         ({"ci_high": [4.0, 1.5, 2.0]}, "scale 4 does not hold"),
         ({"rate": 0.0}, "positive number of Hz"),
+        ({"unit": "deg/s"}, r"rad/s, m/s\^2, 1, and is 'deg/s'"),
+        ({"num_samples": 7}, "num_samples must be an integer of 8 or more, and is 7"),
+        ({"level": 95.0}, "between 0 and 1, and is 95"),
     ],
 )
 def test_bad_tables_name_their_fault(change, message):
