@@ -23,7 +23,7 @@ from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.recording import Recording
 from gmwm_jax.units import CONTINUOUS, from_continuous
-from gmwm_jax.variance import WaveletVariance, wavelet_variance
+from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
 from gmwm_jax.wv_covariance import wv_covariance
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = N
     AllanDeviation
         At averaging times of 1, 2, 4 .. samples.
     """
-    wv = wavelet_variance(data) if isinstance(data, Recording) else data
+    wv = as_wavelet_variance(data, "allan_deviation")
     if wv.method != "modwt":
         raise ValueError(
             f"The overlapping Allan deviation is the MODWT wavelet variance; this one is of the {wv.method}."
@@ -186,7 +186,7 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     -------
     SlopeRegression
         Q, N, K, R in SI. The intervals take the correlation between scales from the theory of the wavelet variance
-        under the implied model; where the record's length is not known there are none.
+        under the implied model; without the record's length and all octaves there are none.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     model = Composite(processes)
 
     correlated = None
-    if adev.wv.num_samples is not None:
+    if adev.wv.num_samples is not None and adev.wv.has_theory:
         nu = np.asarray(model.wavelet_variance(adev.wv.scales))
         # log deviation = log(nu)/2 + const
         correlated = np.asarray(wv_covariance(model, adev.wv.num_samples, adev.wv.num_scales)) / np.outer(nu, nu) / 4

@@ -198,11 +198,12 @@ def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "
 
     def descend(start: Array) -> Solution:
         end = optx.least_squares(residual, method, start, args=data, has_aux=True, max_steps=_MAX_STEPS, throw=False)
-        r, jac = end.state.f_info.residual, end.state.f_info.jac.as_matrix()
+        # from the state, not the solution: the aux of optimistix 0.1's solution is one accepted step behind its value
+        r, jac, amplitudes = end.state.f_info.residual, end.state.f_info.jac.as_matrix(), end.state.aux
         objective = jnp.sum(r * r)
         objective = jnp.where(jnp.isfinite(objective), objective, jnp.inf)
         slope = jnp.max(jnp.abs(2 * r @ jac))
-        return Solution(fold(end.value, data.bounds), end.aux, objective, slope, jnp.asarray(1))
+        return Solution(fold(end.value, data.bounds), amplitudes, objective, slope, jnp.asarray(1))
 
     def exchanged(u: Array) -> Array:
         """All placements that differ from u in one component, as many as the lattice has."""

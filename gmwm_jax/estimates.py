@@ -14,7 +14,8 @@ from gmwm_jax._table import format_table, number
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 
-ZERO = "at boundary: zero"
+AT = "at boundary: "
+ZERO = AT + "zero"
 UNSEEN = "not identified"
 
 
@@ -76,9 +77,8 @@ Errors = Callable[[Callable[[Composite], Array]], np.ndarray]
 """Standard errors of a vector-valued (hashable) function of the model."""
 
 
-def no_errors(quantity: Callable[[Composite], Array]) -> np.ndarray:
-    """Return NaN for every entry: for models that were not estimated."""
-    return np.full(1000, np.nan)
+def _no_errors(quantity: Callable[[Composite], Array]) -> np.ndarray:
+    return np.asarray(np.nan)
 
 
 def parameter_table(
@@ -95,15 +95,15 @@ def parameter_table(
     errors
         Standard errors on the real line, zero or NaN for what was not estimated.
     boundary
-        Label -> note, for components at a boundary.
+        Label -> note, for components at a boundary: what data do not determine there is NaN.
     """
     spread = z * errors(on_the_line)
     estimates, at = [], 0
     for label, p in zip(model.labels, model.processes, strict=True):
-        for q, value in zip(p.parameters, p.values, strict=True):
-            note = _note(boundary.get(label, ""), p, q.name)
+        for i, (q, value) in enumerate(zip(p.parameters, p.values, strict=True)):
+            note = _note(boundary.get(label, ""), p, (i,), q.determined_at)
             low = high = np.nan
-            if spread[at] > 0:
+            if spread[at] > 0 and note != UNSEEN:
                 x = q.to_line(value)
                 low, high = float(q.from_line(x - spread[at])), float(q.from_line(x + spread[at]))
             shown = np.nan if note == UNSEEN else float(value)
@@ -120,7 +120,7 @@ def continuous_table(
     datasheet: bool = False,
     z: float = np.nan,
     level: float = 0.95,
-    errors: Errors = no_errors,
+    errors: Errors = _no_errors,
     boundary: Mapping[str, str] | None = None,
 ) -> EstimateTable:
     """Continuous-time quantities of a model, in SI or in the units of datasheets.
@@ -141,10 +141,16 @@ def continuous_table(
     Returns
     -------
     EstimateTable
+
+    Raises
+    ------
+    ValueError
+        A parameter without a value, a unit that is not SI, a rate that is not positive.
     """
     model = as_model(model)
     for p in model.processes:
         p.require_complete()
+    units_.require_si(unit)
     f = sampling_rate(rate)
     chosen = []
     for p in model.processes:
@@ -152,13 +158,13 @@ def continuous_table(
         times = tuple(q for q in form.datasheet if q.symbol == "tau_c")
         chosen.append(form.datasheet if datasheet else (*form.filter, *times))
     logs = LogQuantities(tuple(chosen), f)
-    values, spread = np.exp(np.asarray(logs(model))), z * errors(logs)
+    values = np.exp(np.asarray(logs(model)))
+    spread = np.broadcast_to(z * errors(logs), values.shape)
     estimates, at = [], 0
     for label, p, quantities in zip(model.labels, model.processes, chosen, strict=True):
         for q in quantities:
             value, factor = float(values[at]), np.exp(spread[at]) if spread[at] > 0 else np.nan
-            # a quantity with a unit of its own is a time: it belongs to the shape, not to the amplitude
-            note = _note((boundary or {}).get(label, ""), p, p.parameters[0 if q.suffix is None else -1].name)
+            note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
             if np.isnan(value):
                 note = "none for phi <= 0"
             if note == UNSEEN:
@@ -190,9 +196,11 @@ def on_the_line(model: Composite) -> Array:
     return model.unconstrained()
 
 
-def _note(boundary: str, process: AbstractProcess, parameter: str) -> str:
-    if parameter in process.fixed:
+def _note(boundary: str, process: AbstractProcess, reads: tuple[int, ...], determined_at: str) -> str:
+    """What to say of a quantity that depends on the parameters at the positions `reads`."""
+    if all(process.parameters[i].name in process.fixed for i in reads):
         return "fixed"
-    if boundary == ZERO and parameter != process.parameters[-1].name:
-        return UNSEEN
-    return boundary
+    if boundary == ZERO:
+        return ZERO if len(process.parameters) - 1 in reads else UNSEEN
+    # Towards a limit the parameters run off together, and data know only what survives there.
+    return boundary if boundary in ("", AT + determined_at) else UNSEEN

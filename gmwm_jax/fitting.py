@@ -8,17 +8,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import require_x64, sampling_rate
+from gmwm_jax._check import confidence, require_x64, sampling_rate, typed_key
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.estimate import NUM_DESCENTS, NUM_ROUNDS, Data, Layout, Solution, minimise
-from gmwm_jax.estimates import ZERO
+from gmwm_jax.estimates import AT, ZERO
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
-from gmwm_jax.result import Fit, Fits, Status
+from gmwm_jax.result import DEFAULT, GIVEN, TWO_STEP, Fit, Fits, Status
 from gmwm_jax.start import lattice
-from gmwm_jax.variance import WaveletVariance, wavelet_variance
+from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
+
+_SIZE = 1e3
+"""Largest entry of L' nu_hat as the search sees it, whatever the weights: its tolerances then mean the same always."""
 
 
 def fit(
@@ -43,7 +46,8 @@ def fit(
     rate
         Sampling rate in Hz, if the data do not know theirs; without one there are no continuous-time tables.
     omega
-        Weights: None for 1/(ci_high - ci_low)^2 on the diagonal, the choice of R's simts, so that objectives compare;
+        Weights: None for 1/(ci_high - ci_low)^2 on the diagonal, the choice of R's simts, so that objectives compare
+        (those of intervals at 95 %; a wavelet variance with intervals at another level has other objectives);
         ``"two-step"`` for the same with the variance of that first fit in place of the measured one, which takes out
         a bias (see Notes); or a vector (J,), the diagonal; or a positive definite matrix (J, J).
     key
@@ -60,11 +64,12 @@ def fit(
     Raises
     ------
     ValueError
-        More free parameters than scales, unknown process, bad weights, a rate that disagrees with the data.
+        More free parameters than scales, unknown process, bad weights, a rate that disagrees with the data, a level
+        outside 0 to 1.
     RuntimeError
         x64 is off, or (with `throw`) a search that did not converge.
     TypeError
-        Data or model of another kind.
+        Data, model or key of another kind.
 
     Notes
     -----
@@ -76,13 +81,11 @@ def fit(
     model on the same number of scales and channels compiles once.
     """
     require_x64()
-    wv = wavelet_variance(data) if isinstance(data, Recording) else data
-    if not isinstance(wv, WaveletVariance):
-        raise TypeError(
-            f"fit() takes a WaveletVariance or a Recording, not {type(data).__name__}; for an array, "
-            "call fit(wavelet_variance(array, rate=...), model)."
-        )
+    if key is not None:
+        typed_key(key)
+    level = confidence(level)
     model = as_model(model)
+    wv = as_wavelet_variance(data, "fit")
     rate = _common_rate(wv.rate, rate)
     if model.num_free > wv.num_scales:
         raise ValueError(
@@ -90,13 +93,14 @@ def fit(
             "take a longer record, a smaller model, or hold parameters."
         )
     channels = [wv[i] for i in range(len(wv.channels))]
-    two_step = isinstance(omega, str)
-    if two_step and omega != "two-step":
-        raise ValueError(f'omega must be None, "two-step" or an array, and is {omega!r}.')
-    omegas = [_weights(None if two_step else omega, channel) for channel in channels]
-    fits = _fit_channels(channels, model, omegas, rate, key, level)
-    if two_step:
-        fits = _fit_channels(channels, model, [_second_step(f) for f in fits], rate, key, level)
+    if isinstance(omega, str) and omega != TWO_STEP:
+        raise ValueError(f'omega must be None, "{TWO_STEP}" or an array, and is {omega!r}.')
+    weights = DEFAULT if omega is None else omega if isinstance(omega, str) else GIVEN
+    omegas = [_weights(None if weights == TWO_STEP else omega, channel) for channel in channels]
+    search = partial(_fit_channels, channels, model, rate=rate, key=key, level=level, weights=weights)
+    fits = search(omegas)
+    if weights == TWO_STEP:
+        fits = search([_second_step(f) for f in fits])
     if throw:
         for f in fits:
             if f.status is not Status.converged:
@@ -108,12 +112,16 @@ def _fit_channels(
     channels: list[WaveletVariance],
     model: Composite,
     omegas: list[Float[np.ndarray, "J J"]],
+    *,
     rate: float | None,
     key: PRNGKey | None,
     level: float,
+    weights: str,
 ) -> list[Fit]:
     """Fit channels on the same scales, each with its weights, in one compiled call."""
     whiteners = np.stack([np.linalg.cholesky(o).T for o in omegas])
+    whitened = np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))
+    unit = np.max(np.abs(whitened), axis=1) / _SIZE
 
     # components with a shape to search for come first, those of a kind together
     kinds = [type(p) for p in model.processes]
@@ -134,8 +142,8 @@ def _fit_channels(
         layout,
         jnp.asarray(placements),
         jnp.asarray(nodes),
-        jnp.asarray(np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))),
-        jnp.asarray(whiteners),
+        jnp.asarray(whitened / unit[:, None]),
+        jnp.asarray(whiteners / unit[:, None, None]),
         jnp.asarray(channels[0].scales),
         jnp.asarray(bounds),
         tuple(p.shape for p in given),
@@ -146,13 +154,15 @@ def _fit_channels(
     for c, channel in enumerate(channels):
         solution = Solution(*(leaf[c] for leaf in solutions))
         fitted, at_boundary = _assemble(processes, order, layout, solution, tau_max)
+        objective = float(solution.objective) * float(unit[c]) * float(unit[c])
         fits.append(
             Fit(
                 model=fitted,
                 wv=channel,
-                objective=float(solution.objective),
+                objective=objective,
                 omega=omegas[c],
-                status=_status(solution, float(np.sum((whiteners[c] @ channel.variance) ** 2))),
+                weights=weights,
+                status=_status(solution) if np.isfinite(objective) else Status.non_finite,
                 at_boundary=at_boundary,
                 agreement=float(solution.num_agreeing) / num_descents,
                 rate=rate,
@@ -162,18 +172,28 @@ def _fit_channels(
     return fits
 
 
-def objective(wv: WaveletVariance, model: str | AbstractProcess | Composite, *, omega: Any = None) -> float:
+def objective(wv: WaveletVariance | Recording, model: str | AbstractProcess | Composite, *, omega: Any = None) -> float:
     """Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model whose parameters are all given, for one channel.
 
     Parameters
     ----------
     wv
-        Wavelet variance of one channel.
+        Wavelet variance of one channel, or a recording of one.
     model
         All parameters given.
     omega
-        Weights, as for `fit`.
+        Weights: None or an array, as for `fit`.
+
+    Raises
+    ------
+    ValueError
+        A parameter without a value, several channels, bad weights.
+    TypeError
+        No wavelet variance.
     """
+    wv = as_wavelet_variance(wv, "objective")
+    if not wv.is_single:
+        raise ValueError(f"Choose one channel, as in wv[{wv.channels[0]!r}]: there are {wv.channels}.")
     residual = wv.variance - np.asarray(as_model(model).wavelet_variance(wv.scales))
     return float(residual @ _weights(omega, wv) @ residual)
 
@@ -228,7 +248,9 @@ def _assemble(
         if layout.free_shape[i]:
             shape = tuple(float(s) for s in p.shape_from_coordinate(jnp.asarray(solution.coordinates[i])))
             limit = p.limit_of(shape, tau_max)
-            note = f"at boundary: {limit}" if limit else ""
+            # where both parameters run off together, one that is held keeps the other
+            if limit and (layout.free_amplitude[i] or p.parameters[-1].determined_at == limit):
+                note = f"{AT}{limit}"
         amplitude = float(solution.amplitudes[i])
         if amplitude == 0 and layout.free_amplitude[i]:
             note = ZERO
@@ -252,11 +274,9 @@ def _correlation_time(p: AbstractProcess) -> float:
     return float(p.correlation_time(p.shape)) if p.shape else 0.0
 
 
-def _status(solution: Solution, size: float) -> Status:
-    if not np.isfinite(solution.objective):
-        return Status.non_finite
+def _status(solution: Solution) -> Status:
     # the first-order gain of moving a correlation time by a tenth of its logarithm is below 1e-5 of the objective
-    small = 1e-4 * solution.objective + 1e-10 * size
+    small = 1e-4 * solution.objective + 1e-10 * _SIZE**2
     return Status.converged if solution.slope <= small else Status.stalled
 
 

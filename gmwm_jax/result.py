@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+DEFAULT = "default"
+TWO_STEP = "two-step"
+GIVEN = "given"
+
+
 class Status(enum.Enum):
     """How the search for the minimum ended."""
 
@@ -45,6 +50,8 @@ class Fit:
         Q = (nu_hat - nu)' Omega (nu_hat - nu) at the estimate.
     omega
         Omega, shape (J, J).
+    weights
+        Where Omega is from: ``default``, ``two-step`` or ``given``.
     status
         How the search ended.
     at_boundary
@@ -54,12 +61,15 @@ class Fit:
         Share of the descents that came to this same minimum.
     rate
         Hz, None if unknown.
+    level
+        Confidence of the intervals.
     """
 
     model: Composite
     wv: WaveletVariance
     objective: float
     omega: Float[np.ndarray, "J J"]
+    weights: str
     status: Status
     at_boundary: Mapping[str, str] = field(default_factory=dict)
     agreement: float = 1.0
@@ -117,8 +127,7 @@ class Fit:
 
         It needs the length of the record, all scales 2 .. 2^J, and the MODWT.
         """
-        dyadic = np.array_equal(self.wv.scales, 2.0 ** np.arange(1, self.wv.num_scales + 1))
-        if self.wv.num_samples is None or not dyadic or self.wv.method != "modwt":
+        if self.wv.num_samples is None or not self.wv.has_theory:
             return None
         return np.asarray(wv_covariance(self.model, self.wv.num_samples, self.wv.num_scales))
 
@@ -178,14 +187,14 @@ class Fit:
         free = self.model.num_free
         lines = [
             f"GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
-            f"objective {self.objective:.8g} with {free} free parameters on {wv.num_scales} scales; "
-            f"{self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
+            f"objective {self.objective:.8g} ({self.weights} weights) with {free} free parameters on {wv.num_scales} "
+            f"scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
             "",
             str(self.parameters()),
         ]
         if self.rate:
             lines += ["", str(self.continuous()), "", str(self.datasheet())]
-        if self.covariance is None:
+        if self.wv_covariance is None:
             lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, and the MODWT."]
         return "\n".join(lines)
 
@@ -201,6 +210,7 @@ class Fit:
             "num_samples": self.wv.num_samples,
             "model": " + ".join(p.kind for p in self.model.processes),
             "objective": self.objective,
+            "weights": self.weights,
             "status": self.status.value,
             "agreement": self.agreement,
             "parameters": self.parameters().to_list(),

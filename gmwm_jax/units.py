@@ -213,6 +213,10 @@ class Quantity(NamedTuple):
     gyro: tuple[str, ...] = ()
     """Units a gyro datasheet gives it in."""
     accel: tuple[str, ...] = ()
+    reads: tuple[int, ...] = (0,)
+    """Positions of the parameters that it depends on."""
+    determined_at: str = ""
+    """The limit of the process (see `AbstractProcess.limit_of`) at which data still determine it."""
 
     def si_unit(self, signal: str) -> str:
         """Its SI unit for a signal unit."""
@@ -222,6 +226,14 @@ class Quantity(NamedTuple):
         """The units a datasheet gives it in; the SI unit for sensors that are neither gyro nor accelerometer."""
         shown = {"rad/s": self.gyro, "m/s^2": self.accel}.get(signal, ())
         return shown or (self.si_unit(signal),)
+
+
+def require_si(unit: str) -> None:
+    """Raise unless this is the unit of a signal inside the package."""
+    if unit not in SI_SIGNALS:
+        raise ValueError(
+            f"unit is one of {', '.join(SI_SIGNALS)}, and is {unit!r}: Recording.from_array converts samples in others."
+        )
 
 
 class ContinuousForm(NamedTuple):
@@ -239,28 +251,34 @@ class ContinuousForm(NamedTuple):
 # platform shows variance * f for q, too large by 1/(2 beta).)
 _GM_DATASHEET = (
     Quantity("sigma", "standard deviation", "", lambda beta, variance, f: jnp.sqrt(variance),
-             gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+             gyro=("deg/h", "deg/s"), accel=("ug", "mg"), reads=(1,), determined_at="white noise"),
     Quantity("tau_c", "correlation time", None, lambda beta, variance, f: 1 / (beta * f), unit="s", gyro=("s", "h"),
              accel=("s", "h")),
     Quantity("sqrt(q)", "driving noise density", "/sqrt(s)",
              lambda beta, variance, f: jnp.sqrt(2 * beta * f * variance),
-             gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)")),
+             gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)"), reads=(0, 1),
+             determined_at="random walk"),
     # Below its corner the PSD is flat: over times much longer than tau_c the process is white noise. The PSD of the
     # *sampled* process at 0 is variance (1+phi)/(1-phi)/f; in continuous time, or for a slow process, q/beta^2.
     Quantity("N_0", "density as white noise, far beyond tau_c", "/sqrt(Hz)",
              lambda beta, variance, f: jnp.sqrt(variance / (jnp.tanh(beta / 2) * f)),
-             gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)")),
+             gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)"), reads=(0, 1),
+             determined_at="white noise"),
 )  # fmt: skip
 _GM_FILTER = (
     Quantity("beta", "inverse correlation time", None, lambda beta, variance, f: beta * f, unit="1/s"),
-    Quantity("q", "PSD of the driving noise", "^2/s", lambda beta, variance, f: 2 * beta * f * variance),
-)
+    Quantity("q", "PSD of the driving noise", "^2/s", lambda beta, variance, f: 2 * beta * f * variance, reads=(0, 1),
+             determined_at="random walk"),
+)  # fmt: skip
 
 
 def _ar1_as_gm(quantity: Quantity) -> Quantity:
-    return quantity._replace(
-        value=lambda phi, sigma2, f: quantity.value(-jnp.log(phi), sigma2 / ((1 - phi) * (1 + phi)), f)
-    )
+    def value(phi: Any, sigma2: Any, f: Any) -> Any:
+        if quantity.symbol == "N_0":  # the same, for phi < 0 too
+            return jnp.sqrt(sigma2 / f) / (1 - phi)
+        return quantity.value(-jnp.log(phi), sigma2 / ((1 - phi) * (1 + phi)), f)
+
+    return quantity._replace(value=value, reads=(0,) if quantity.suffix is None else (0, 1))
 
 
 CONTINUOUS: dict[str, ContinuousForm] = {

@@ -22,7 +22,7 @@ from gmwm_jax._check import (
 )
 from gmwm_jax._table import format_table, number
 from gmwm_jax.recording import Recording
-from gmwm_jax.units import SI_SIGNALS
+from gmwm_jax.units import require_si
 from gmwm_jax.wavelet import (
     check_num_levels,
     degrees_of_freedom,
@@ -128,7 +128,7 @@ class WaveletVariance:
         if num_samples is not None:
             num_samples = integer("num_samples", num_samples, int(tau[-1]))
         level = confidence(level)
-        _require_si(unit)
+        require_si(unit)
         values = (arrays["variance"], arrays["ci_low"], arrays["ci_high"])
         return cls(tau, *values, num_samples, level, rate, channels=(name or "x",), units=(unit,), name=name)
 
@@ -236,7 +236,7 @@ def wavelet_variance(
     """
     if method not in ("modwt", "dwt"):
         raise ValueError(f"method must be 'modwt' or 'dwt', and is {method!r}.")
-    _require_si(unit)
+    require_si(unit)
     is_array = isinstance(record, Sequence) or hasattr(record, "__array__")
     if isinstance(record, (str, bytes, Mapping, Set)) or not (is_array or isinstance(record, Iterable)):
         raise TypeError(f"A record is a Recording, an array or an iterator of blocks, and no {type(record).__name__}.")
@@ -292,11 +292,16 @@ def _as_array(record: Any) -> np.ndarray:
         raise ValueError(f"The list is no array ({error}). Blocks of one channel are given as iter(blocks).") from None
 
 
-def _require_si(unit: str) -> None:
-    if unit not in SI_SIGNALS:
-        raise ValueError(
-            f"unit is one of {', '.join(SI_SIGNALS)}, and is {unit!r}: Recording.from_array converts samples in others."
+def as_wavelet_variance(data: Any, caller: str) -> WaveletVariance:
+    """Return a wavelet variance as it is and that of a recording; raise a TypeError for anything else."""
+    if isinstance(data, Recording):
+        return wavelet_variance(data)
+    if not isinstance(data, WaveletVariance):
+        raise TypeError(
+            f"{caller}() takes a WaveletVariance or a Recording, not {type(data).__name__}; for an array, "
+            f"call {caller}(wavelet_variance(array, rate=...), ...)."
         )
+    return data
 
 
 def _require_noise(nu: Float[np.ndarray, " J"], channel: str) -> None:

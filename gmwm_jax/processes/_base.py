@@ -218,8 +218,10 @@ class AbstractProcess(eqx.Module):
     def __add__(self, other: "AbstractProcess | Composite") -> "Composite":
         return Composite((self,)) + other
 
-    def __rmul__(self, count: int) -> "Composite":
-        return count * Composite((self,))
+    def __mul__(self, count: int) -> "Composite":
+        return Composite((self,)) * count
+
+    __rmul__ = __mul__
 
     def __repr__(self) -> str:
         """Text form, as `gmwm_jax.parse_model` reads it."""
@@ -308,10 +310,12 @@ class Composite(eqx.Module):
             return NotImplemented
         return Composite(self.processes + other.processes)
 
-    def __rmul__(self, count: int) -> "Composite":
+    def __mul__(self, count: int) -> "Composite":
         if not isinstance(count, int) or count < 1:
             raise ValueError(f"A model can be taken 1, 2, 3, ... times, not {count!r} times.")
         return Composite(self.processes * count)
+
+    __rmul__ = __mul__
 
     def __repr__(self) -> str:
         """Text form, as `gmwm_jax.parse_model` reads it."""

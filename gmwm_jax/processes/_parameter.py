@@ -19,6 +19,8 @@ class Parameter(NamedTuple):
     lower: float = 0.0
     upper: float = float("inf")
     """Its values lie strictly between; an amplitude may also be exactly 0."""
+    determined_at: str = ""
+    """The limit of the process (see `AbstractProcess.limit_of`) at which data still determine it."""
 
     def check(self, value: Any, owner: str, *, zero_ok: bool) -> Any:
         """Return the value as a float64 scalar, or raise if it lies outside the interval."""

@@ -92,7 +92,7 @@ class GM(AbstractProcess):
     kind: ClassVar[str] = "GM"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("beta", "1/sample", "inverse correlation time"),
-        Parameter("variance", "({u})^2", "variance of the process"),
+        Parameter("variance", "({u})^2", "variance of the process", determined_at="white noise"),
     )
     repeatable: ClassVar[bool] = True
 
@@ -166,7 +166,7 @@ class AR1(AbstractProcess):
     kind: ClassVar[str] = "AR1"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("phi", "1", "coefficient", lower=-1.0, upper=1.0),
-        Parameter("sigma2", "({u})^2", "variance of the innovations"),
+        Parameter("sigma2", "({u})^2", "variance of the innovations", determined_at="random walk"),
     )
     repeatable: ClassVar[bool] = True
 

@@ -85,5 +85,8 @@ def test_as_model_takes_text_a_process_or_a_sum():
     assert repr(as_model(GM(0.1))) == "GM(beta=0.1)"
     model = WN() + GM()
     assert as_model(model) is model
+    assert repr(2 * GM() + WN()) == repr(GM() * 2 + WN()) == "GM + GM + WN"
+    with pytest.raises(ValueError, match="not 0 times"):
+        GM() * 0
     with pytest.raises(TypeError, match="model"):
         as_model(3)

@@ -8,6 +8,7 @@ from gmwm.cases import rows
 from helpers import assert_mean
 
 from gmwm_jax._check import sampling_rate
+from gmwm_jax.estimates import continuous_table
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
@@ -388,3 +389,19 @@ def test_a_gauss_markov_process_is_white_noise_of_density_n_0_at_long_spans(beta
     tau = 2.0**30 if beta < 1 else 2.0**24
     nu = float(GM(beta, variance).wavelet_variance(np.array([tau]))[0])
     assert tau * nu == pytest.approx(total, rel=1e-4, abs=0)
+
+
+@pytest.mark.parametrize("kind", list(CONTINUOUS))
+def test_quantities_read_the_parameters_they_say(kind):
+    """`reads` against autodiff: it decides which quantities a held parameter holds."""
+    form = CONTINUOUS[kind]
+    parameters = tuple(jnp.asarray(v) for v in {"AR1": (0.7, 0.3), "GM": (0.2, 0.3)}.get(kind, (0.3,)))
+    for q in (*form.filter, *form.datasheet):
+        slopes = jax.grad(lambda p, q=q: q.value(*p, 10.0))(parameters)
+        assert tuple(i for i, s in enumerate(slopes) if s != 0) == q.reads, q.symbol
+
+
+@pytest.mark.parametrize("signal", ["deg/s", "g", "furlong"])
+def test_tables_are_of_si_signals(signal):
+    with pytest.raises(ValueError, match=r"unit is one of rad/s, m/s\^2, 1"):
+        continuous_table("WN(sigma2=1)", 1.0, signal)
