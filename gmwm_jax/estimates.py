@@ -7,10 +7,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jaxtyping import Float
 
 from gmwm_jax import units as units_
 from gmwm_jax._check import sampling_rate
 from gmwm_jax._table import format_table, number
+from gmwm_jax.inference import evaluate
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 
@@ -73,16 +75,14 @@ class EstimateTable:
         ]
 
 
-Errors = Callable[[Callable[[Composite], Array]], np.ndarray]
-"""Standard errors of a vector-valued (hashable) function of the model."""
-
-
-def _no_errors(quantity: Callable[[Composite], Array]) -> np.ndarray:
-    return np.asarray(np.nan)
-
-
 def parameter_table(
-    model: Composite, unit: str, *, z: float, level: float, errors: Errors, boundary: Mapping[str, str]
+    model: Composite,
+    unit: str,
+    *,
+    z: float,
+    level: float,
+    errors: Float[np.ndarray, " P"],
+    boundary: Mapping[str, str],
 ) -> EstimateTable:
     """Parameters per sample, with intervals symmetric on the log (for phi: logit) scale.
 
@@ -93,11 +93,11 @@ def parameter_table(
     z, level
         Normal quantile and confidence of the intervals.
     errors
-        Standard errors on the real line, zero or NaN for what was not estimated.
+        Standard errors on the real line, NaN for what was not estimated.
     boundary
         Label -> note, for components at a boundary: what data do not determine there is NaN.
     """
-    spread = z * errors(on_the_line)
+    spread = z * errors
     estimates, at = [], 0
     for label, p in zip(model.labels, model.processes, strict=True):
         for i, (q, value) in enumerate(zip(p.parameters, p.values, strict=True)):
@@ -120,7 +120,7 @@ def continuous_table(
     datasheet: bool = False,
     z: float = np.nan,
     level: float = 0.95,
-    errors: Errors = _no_errors,
+    errors: Callable[["LogQuantities"], np.ndarray] | None = None,
     boundary: Mapping[str, str] | None = None,
 ) -> EstimateTable:
     """Continuous-time quantities of a model, in SI or in the units of datasheets.
@@ -135,8 +135,10 @@ def continuous_table(
         SI unit of the signal: ``rad/s``, ``m/s^2`` or another.
     datasheet
         False: q, beta, 1/beta as a Kalman filter wants them, SI. True: N, K, Q, LSB, R, sigma in deg/sqrt(h) etc.
-    z, level, errors, boundary
-        As of `parameter_table`; without them there are no intervals.
+    z, level, boundary
+        As of `parameter_table`.
+    errors
+        Standard errors of the logs of quantities; without it there are no intervals.
 
     Returns
     -------
@@ -152,17 +154,18 @@ def continuous_table(
         p.require_complete()
     units_.require_si(unit)
     f = sampling_rate(rate)
-    chosen = []
-    for p in model.processes:
-        form = units_.CONTINUOUS[p.kind]
-        times = tuple(q for q in form.datasheet if q.symbol == "tau_c")
-        chosen.append(form.datasheet if datasheet else (*form.filter, *times))
-    logs = LogQuantities(tuple(chosen), f)
-    values = np.exp(np.asarray(logs(model)))
-    spread = np.broadcast_to(z * errors(logs), values.shape)
-    estimates, at = [], 0
-    for label, p, quantities in zip(model.labels, model.processes, chosen, strict=True):
-        for q in quantities:
+    forms = [units_.CONTINUOUS[p.kind] for p in model.processes]
+    # both tables at once: what was compiled for one serves the other
+    logs = LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), f)
+    values = np.exp(np.asarray(evaluate(logs, model)))
+    spread = np.full_like(values, np.nan) if errors is None else z * errors(logs)
+    estimates, at = [], -1
+    for label, p, form in zip(model.labels, model.processes, forms, strict=True):
+        for i, q in enumerate((*form.filter, *form.datasheet)):
+            at += 1
+            is_filter = i < len(form.filter)
+            if is_filter == datasheet and not (q.symbol == "tau_c" and not datasheet):
+                continue
             value, factor = float(values[at]), np.exp(spread[at]) if spread[at] > 0 else np.nan
             note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
             if np.isnan(value):
@@ -173,7 +176,6 @@ def continuous_table(
             shown = q.datasheet_units(unit)[0] if datasheet else si
             value /= 1.0 if shown == si else units_.unit(shown).factor
             estimates.append(Estimate(label, q.symbol, value, shown, value / factor, value * factor, note, q.meaning))
-            at += 1
     title = "Datasheet units" if datasheet else "Continuous time, SI"
     return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), level)
 
@@ -189,11 +191,6 @@ class LogQuantities:
         """Logs of all quantities, component by component."""
         pairs = zip(model.processes, self.quantities, strict=True)
         return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
-
-
-def on_the_line(model: Composite) -> Array:
-    """All parameters mapped to the real line."""
-    return model.unconstrained()
 
 
 def _note(boundary: str, process: AbstractProcess, reads: tuple[int, ...], determined_at: str) -> str:

@@ -55,8 +55,8 @@ def delta_method(
     model: Composite,
     active: tuple[int, ...],
     covariance: Float[Array, "P P"],
-) -> tuple[Array, Array]:
-    """Values and standard errors of functions of the model.
+) -> Float[Array, " Q"]:
+    """Standard errors of functions of the model.
 
     Parameters
     ----------
@@ -67,10 +67,16 @@ def delta_method(
 
     Returns
     -------
-    The vector, and the standard error of each entry.
+    The standard error of each entry of the vector.
     """
     J = _jacobian(quantity, model, active)
-    return quantity(model), jnp.sqrt(jnp.sum((J @ covariance) * J, axis=1))
+    return jnp.sqrt(jnp.sum((J @ covariance) * J, axis=1))
+
+
+@partial(jax.jit, static_argnums=0)
+def evaluate(quantity: Callable[[Composite], Array], model: Composite) -> Array:
+    """Value of a (hashable) function of the model, compiled as a whole."""
+    return quantity(model)
 
 
 def normal_quantile(level: float) -> float:

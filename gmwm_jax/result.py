@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -136,22 +135,17 @@ class Fit:
         """Covariance of the active parameters on the real line (log; logit for phi); None as `wv_covariance`."""
         if self.wv_covariance is None or not self.active:
             return None
-        whitener = jnp.asarray(np.linalg.cholesky(self.omega).T)
-        tau, V = jnp.asarray(self.wv.scales), jnp.asarray(self.wv_covariance)
-        return np.asarray(parameter_covariance(self.model, self.active, tau, whitener, V))
-
-    def _errors(self, quantity: Any) -> np.ndarray:
-        """Standard errors of a vector-valued function of the model (hashable, so that it compiles once)."""
-        if self.covariance is None:
-            return np.full(np.shape(quantity(self.model)), np.nan)
-        covariance = jnp.asarray(self.covariance)
-        return np.asarray(delta_method(quantity, self.model, self.active, covariance)[1])
+        whitener = np.linalg.cholesky(self.omega).T
+        return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
 
     # -- tables ---------------------------------------------------------------------------------------------------
 
     def parameters(self) -> EstimateTable:
         """The parameters per sample, with intervals symmetric on the log (for phi: logit) scale."""
-        return parameter_table(self.model, self.unit, **self._uncertainty())
+        errors = np.full(self.model.num_parameters, np.nan)
+        if self.covariance is not None:
+            errors[list(self.active)] = np.sqrt(np.diag(self.covariance))
+        return parameter_table(self.model, self.unit, errors=errors, **self._at_level())
 
     def continuous(self, rate: float | None = None) -> EstimateTable:
         """What a Kalman filter wants: continuous-time quantities in SI.
@@ -164,20 +158,25 @@ class Fit:
         rate
             Sampling rate in Hz, if the data do not know theirs.
         """
-        return continuous_table(self.model, self._rate(rate), self.unit, **self._uncertainty())
+        return self._continuous(rate, datasheet=False)
 
     def datasheet(self, rate: float | None = None) -> EstimateTable:
         """The same in the units of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
-        return continuous_table(self.model, self._rate(rate), self.unit, datasheet=True, **self._uncertainty())
+        return self._continuous(rate, datasheet=True)
 
-    def _uncertainty(self) -> dict[str, Any]:
-        z = normal_quantile(self.level)
-        return {"z": z, "level": self.level, "errors": self._errors, "boundary": self.at_boundary}
-
-    def _rate(self, rate: float | None) -> float:
+    def _continuous(self, rate: float | None, *, datasheet: bool) -> EstimateTable:
         if rate is not None and self.rate is not None and rate != self.rate:
             raise ValueError(f"rate={rate} was given, and the fit knows {self.rate} Hz.")
-        return sampling_rate(self.rate if rate is None else rate)
+        rate = sampling_rate(self.rate if rate is None else rate)
+
+        def errors(logs: Any) -> np.ndarray:
+            return np.asarray(delta_method(logs, self.model, self.active, self.covariance))
+
+        known = None if self.covariance is None else errors
+        return continuous_table(self.model, rate, self.unit, datasheet=datasheet, errors=known, **self._at_level())
+
+    def _at_level(self) -> dict[str, Any]:
+        return {"z": normal_quantile(self.level), "level": self.level, "boundary": self.at_boundary}
 
     def summary(self) -> str:
         """All of it as text."""

@@ -81,32 +81,43 @@ def _panels(first: int, last: int, graded_left: bool, graded_right: bool) -> lis
 @lru_cache(maxsize=16)
 def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
     """Nodes and weights for a record of N samples and levels 1..J."""
-    tau = [int(t) for t in scales(num_levels)]
+    tau = scales(num_levels).astype(int)
     M = num_coefficients(num_samples, num_levels)
-    parts = []
-    for pair, (j, k) in enumerate(zip(*np.tril_indices(num_levels), strict=True)):
-        n_j, n_k = tau[j] // 2, tau[k] // 2
-        lowest, highest = -(num_samples - tau[j]), num_samples - tau[k]
-        kinks = sorted({a * n_j - b * n_k for a in range(3) for b in range(3)})
+    j, k = np.tril_indices(num_levels)
+    panels, pair_of = [], []
+    for pair, (tau_j, tau_k) in enumerate(zip(tau[j].tolist(), tau[k].tolist(), strict=True)):
+        lowest, highest = -(num_samples - tau_j), num_samples - tau_k
+        kinks = sorted({a * (tau_j // 2) - b * (tau_k // 2) for a in range(3) for b in range(3)})
         edges = [h for h in kinks if lowest <= h <= highest]
-        panels = _panels(lowest, edges[0] - 1, False, True)
+        here = _panels(lowest, edges[0] - 1, False, True)
         for left, right in zip(edges, [*edges[1:], None], strict=True):
-            panels.append((left, left + 1))
-            panels += _panels(left + 1, highest if right is None else right - 1, True, right is not None)
-        for start, stop in panels:
-            for first in (start, start + 1):
-                count = (stop - first + 1) // 2
-                if count < 1:
-                    continue
-                x, w = _gauss_for_sums(count)
-                h = first + 2 * x
-                # t in [tau_j - 1, N - 1] and t - h in [tau_k - 1, N - 1]
-                pairs = np.minimum(num_samples - 1, num_samples - 1 + h) - np.maximum(tau[j] - 1, tau[k] - 1 + h) + 1
-                same = np.ones_like(h)
-                parity = same if first % 2 == 0 else -same
-                parts.append((h, parity, n_j * same, n_k * same, w * pairs / (M[j] * M[k]), pair * same))
-    columns = [np.concatenate(c) for c in zip(*parts, strict=True)]
-    return LagQuadrature(*columns[:-1], pair=columns[-1].astype(np.int32))
+            here.append((left, left + 1))
+            here += _panels(left + 1, highest if right is None else right - 1, True, right is not None)
+        panels += here
+        pair_of += [pair] * len(here)
+
+    # lags of one parity in each panel: first, first + 2, ...
+    first = (np.array(panels)[:, :1] + [0, 1]).ravel()
+    count = (np.repeat(np.array(panels)[:, 1], 2) - first + 1) // 2
+    counts, which = np.unique(count, return_inverse=True)
+    nodes, weights = np.zeros((2, len(counts), _NODES))
+    for i, c in enumerate(counts):
+        x, w = _gauss_for_sums(int(c))
+        nodes[i, : len(x)], weights[i, : len(x)] = x, w
+    panel, node = np.nonzero(weights[which])
+    h = first[panel] + 2 * nodes[which[panel], node]
+    pair = np.repeat(pair_of, 2)[panel]
+    tau_j, tau_k = tau[j[pair]], tau[k[pair]]
+    # t in [tau_j - 1, N - 1] and t - h in [tau_k - 1, N - 1]
+    N_jk = np.minimum(num_samples - 1, num_samples - 1 + h) - np.maximum(tau_j - 1, tau_k - 1 + h) + 1
+    return LagQuadrature(
+        lag=h,
+        parity=1.0 - 2.0 * (first[panel] % 2),
+        n_j=tau_j / 2,
+        n_k=tau_k / 2,
+        weight=weights[which[panel], node] * N_jk / (M[j[pair]] * M[k[pair]]),
+        pair=pair.astype(np.int32),
+    )
 
 
 def wv_covariance(model: Composite, num_samples: int, num_levels: int | None = None) -> Float[Array, "J J"]:
@@ -132,7 +143,7 @@ def wv_covariance(model: Composite, num_samples: int, num_levels: int | None = N
     J = check_num_levels(num_samples, num_levels)
     for process in model.processes:
         process.require_complete()
-    return _covariance(model, LagQuadrature(*map(jnp.asarray, lag_quadrature(num_samples, J))), J)
+    return _covariance(model, lag_quadrature(num_samples, J), J)
 
 
 def _covariance_of_pairs(model: Composite, q: LagQuadrature, J: int) -> Float[Array, "J J"]:

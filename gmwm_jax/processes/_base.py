@@ -9,10 +9,12 @@ One more process is one file that derives from `AbstractProcess`, one entry in `
 
 import abc
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -186,12 +188,12 @@ class AbstractProcess(eqx.Module):
         nu^2(tau) in squared signal units; half the Allan variance at averaging time tau/2 samples.
         """
         self.require_complete()
-        return self.amplitude * self.unit_wavelet_variance(self.shape, spans(tau))
+        return _scaled(self.unit_wavelet_variance, self.amplitude, self.shape, spans(tau))
 
     def psd(self, frequency: Any) -> Float[Array, "*F"]:
         """Two-sided power spectral density: u^2 per (cycle per sample), frequency in (0, 1/2]."""
         self.require_complete()
-        return self.amplitude * self.unit_psd(self.shape, as_float(frequency))
+        return _scaled(self.unit_psd, self.amplitude, self.shape, as_float(frequency))
 
     def autocovariance(self, lag: Any) -> Float[Array, "*L"]:
         """Autocovariance at integer lags in samples, in squared signal units.
@@ -202,7 +204,7 @@ class AbstractProcess(eqx.Module):
             The process is not stationary.
         """
         self.require_complete()
-        return self.amplitude * self.unit_autocovariance(self.shape, jnp.abs(as_float(lag)))
+        return _scaled(self.unit_autocovariance, self.amplitude, self.shape, jnp.abs(as_float(lag)))
 
     def unconstrained(self) -> Float[Array, " P"]:
         """Parameters mapped to the real line, in order: logs, or logits where the interval is bounded."""
@@ -320,6 +322,12 @@ class Composite(eqx.Module):
     def __repr__(self) -> str:
         """Text form, as `gmwm_jax.parse_model` reads it."""
         return " + ".join(repr(p) if any(v is not None for v in p.values) else p.kind for p in self.processes)
+
+
+@partial(jax.jit, static_argnums=0)
+def _scaled(unit: Callable[..., Array], amplitude: Array, shape: tuple[Array, ...], at: Array) -> Array:
+    """Theory for unit amplitude, times the amplitude; compiled as a whole, once a class of process and length."""
+    return amplitude * unit(shape, at)
 
 
 def sum_arrays(arrays: Any) -> Array:

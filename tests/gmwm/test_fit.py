@@ -333,9 +333,9 @@ def test_weights():
 def test_second_call_with_new_numbers_compiles_nothing():
     wv = exact("WN(sigma2=1) + GM(beta=0.1, variance=1)", levels=9)
     gj.fit(wv, "WN + GM")
-    before = fitting._minimise_channels._cache_size()
+    before = fitting._compiled_quickly._cache_size()
     gj.fit(exact("WN(sigma2=7) + GM(beta=0.3, variance=1e-3)", levels=9), "WN + GM", key=jax.random.key(3))
-    assert fitting._minimise_channels._cache_size() == before
+    assert fitting._compiled_quickly._cache_size() == before
 
 
 def test_channels_are_fitted_as_if_alone():
