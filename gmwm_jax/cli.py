@@ -20,7 +20,7 @@ from gmwm_jax.fitting import fit as fit_model
 from gmwm_jax.io import read_recording, save_recording
 from gmwm_jax.processes.registry import parse_model
 from gmwm_jax.recording import Recording
-from gmwm_jax.result import Fit
+from gmwm_jax.result import Fit, Status
 from gmwm_jax.units import SI_SIGNALS, convert
 from gmwm_jax.variance import wavelet_variance
 
@@ -156,6 +156,9 @@ def fit(
             typer.echo(fits)
     _write_figure(plot, lambda: fits.plot(datasheet=lines))
     _write_json(json_file, [one.to_dict() for one in singles])
+    for one in singles:
+        if one.status is not Status.converged:
+            typer.echo(f"Warning: {one.wv.channels[0]}: {one.status.value}", err=True)
 
 
 @_command(app)

@@ -7,15 +7,17 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from gmwm_jax import __main__, datasets
+from gmwm_jax import __main__, cli, datasets
 from gmwm_jax.cli import app
 from gmwm_jax.io import read_recording, save_recording
+from gmwm_jax.result import Status
 from gmwm_jax.variance import wavelet_variance
 
 MODEL = "WN + RW"
@@ -168,6 +170,12 @@ def test_fit_to_json_and_figure(npz, tmp_path, wv):
 def test_fit_of_one_channel(npz):
     content = json.loads(call("fit", npz, "--channels", "accel_x", "--model", "WN", "--json", "-").stdout)
     assert [one["channel"] for one in content] == ["accel_x"]
+
+
+def test_a_search_that_did_not_converge_is_told(npz, wv, monkeypatch):
+    stalled = replace(cli.fit_model(wv["gyro_x"], MODEL), status=Status.stalled)
+    monkeypatch.setattr(cli, "fit_model", lambda *arguments, **options: stalled)
+    assert "Warning: gyro_x: stopped at the step limit" in call("fit", npz, "--model", MODEL).stderr
 
 
 def test_a_public_file_needs_no_option(shared, tmp_path):
