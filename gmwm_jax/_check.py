@@ -91,19 +91,41 @@ def spans(tau: object) -> jax.Array:
     return as_float(tau)
 
 
+def _number(value: object) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return float("nan")
+
+
 def sampling_rate(rate: object) -> float:
     """Return the sampling rate in Hz as a float, or raise."""
     if rate is None:
         raise ValueError("The sampling rate is missing: give rate=... in Hz. It is never guessed.")
-    value = float(rate)  # type: ignore[arg-type]
+    value = _number(rate)
     if not np.isfinite(value) or value <= 0:
         raise ValueError(f"The sampling rate must be a positive number of Hz, and is {rate!r}.")
     return value
 
 
+def same_rate(a: float, b: float) -> bool:
+    """Are two rates one, within the 1 % by which clocks and columns of time are off?"""
+    return abs(a / b - 1) <= 0.01
+
+
+def agreed_rate(known: float | None, given: object) -> float | None:
+    """Return the rate that the caller gives, else the known one; raise where they contradict each other."""
+    if given is None:
+        return known
+    rate = sampling_rate(given)
+    if known is not None and not same_rate(known, rate):
+        raise ValueError(f"rate={given!r} was given, and the data have {known!r} Hz.")
+    return rate
+
+
 def confidence(level: object) -> float:
     """Return a confidence level as a float, or raise unless it lies between 0 and 1."""
-    value = float(level)  # type: ignore[arg-type]
+    value = _number(level)
     if not 0 < value < 1:
         raise ValueError(f"A confidence level lies between 0 and 1, and is {level!r}.")
     return value

@@ -15,22 +15,27 @@ TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
 
 
 def open_text(file: Path, delimiter: str | None, header: int | None) -> Columns:
-    """Open a text file: its head is read here, its columns when they are asked for.
+    r"""Open a text file: its head is read here, its columns when they are asked for.
 
     Parameters
     ----------
     file
         The file, UTF-8 (with or without a byte-order mark) or Latin-1.
     delimiter
-        Between fields; None: semicolon, tab, comma or blanks, whichever the first line of data holds.
+        Between fields, one character (or ``\t``, a tab as a shell passes it on); None: semicolon, tab, comma or
+        blanks, whichever the first line of data holds.
     header
         Number of lines to skip; None: comments and at most one line of names.
 
     Raises
     ------
     ValueError
-        No data, names that do not match the columns; on loading, the first line that is not as many numbers.
+        No data, names that do not match the columns, a delimiter that is no character; on loading, the first line that
+        is not as many numbers.
     """
+    delimiter = "\t" if delimiter == "\\t" else delimiter
+    if delimiter is not None and len(delimiter) != 1:
+        raise ValueError(f"A delimiter is one character, and {delimiter!r} is not. Leave it out for blanks.")
     with file.open("rb") as stream:  # Latin-1 reads any file, and numbers are ASCII
         encoding = "utf-8-sig" if stream.read(3) == codecs.BOM_UTF8 else "latin-1"
     with file.open(encoding=encoding) as stream:

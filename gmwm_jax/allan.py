@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import sampling_rate
+from gmwm_jax._check import agreed_rate, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.estimates import Estimate, EstimateTable
 from gmwm_jax.inference import normal_quantile
@@ -102,9 +102,7 @@ def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = N
         raise ValueError(
             f"The overlapping Allan deviation is the MODWT wavelet variance; this one is of the {wv.method}."
         )
-    f = sampling_rate(wv.rate if wv.rate is not None else rate)
-    if wv.rate is not None and rate is not None and rate != wv.rate:
-        raise ValueError(f"rate={rate:g} was given, and the data have {wv.rate:g} Hz.")
+    f = sampling_rate(agreed_rate(wv.rate, rate))
     deviation, low, high = (np.sqrt(2 * v) for v in (wv.variance, wv.ci_low, wv.ci_high))
     return AllanDeviation(wv.scales / (2 * f), deviation, low, high, replace(wv, rate=f))
 

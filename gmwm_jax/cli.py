@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,13 +45,20 @@ def _command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[
                 function(*args, **options)
             except (ValueError, KeyError, OSError, ImportError) as error:
                 text = error.args[0] if isinstance(error, KeyError) else error
-                text = str(text).replace("units=...", "units=... (--unit on the command line)")
-                typer.echo(f"Error: {text}", err=True)
+                typer.echo(f"Error: {_as_options(str(text))}", err=True)
                 raise typer.Exit(1) from error
 
         return group.command(name)(run)
 
     return register
+
+
+_OPTIONS = {"units": "unit", "num_levels": "levels"} | {n: n for n in ("rate", "time", "columns", "delimiter")}
+
+
+def _as_options(text: str) -> str:
+    """Arguments that a message speaks of, as the command line calls them: ``rate=...`` is ``--rate``."""
+    return re.sub(r"\b(\w+)=\.\.\.", lambda m: f"--{_OPTIONS[m[1]]}" if m[1] in _OPTIONS else m[0], text)
 
 
 def _figure_file(path: Path | None) -> Path | None:
@@ -98,26 +106,32 @@ def wv(
     """Wavelet variance (or Allan deviation) with confidence intervals."""
     rec = _read(file, channels, rate, unit, time, time_unit, columns, delimiter)
     result = wavelet_variance(rec, method=method, num_levels=levels, level=level)
-    to_screen = json_file is not None and str(json_file) == "-"
+    content: dict[str, Any] = {"rate": rec.rate, "num_samples": len(rec), "level": level}
     if allan:
         adev = allan_deviation(result)
-        if not to_screen:
-            typer.echo(adev)
-            for i, name in enumerate(result.channels):
-                typer.echo(f"\n{name}: {read_off(adev[i])}")
+        tables = {name: read_off(adev[i]) for i, name in enumerate(result.channels)}
+        _say(json_file, "\n\n".join([repr(adev), *(f"{name}: {table}" for name, table in tables.items())]))
         _write_figure(plot, lambda: adev.plot())
+        content["times"] = adev.times
+        content["channels"] = {
+            name: {
+                "unit": one.wv.units[0],
+                "deviation": one.deviation,
+                "ci_low": one.ci_low,
+                "ci_high": one.ci_high,
+                "read_off": tables[name].to_list(),
+            }
+            for name, one in ((name, adev[name]) for name in result.channels)
+        }
     else:
-        if not to_screen:
-            typer.echo(result)
+        _say(json_file, repr(result))
         _write_figure(plot, lambda: result.plot())
-    per_channel = {
-        name: {"unit": one.units[0], "variance": one.variance, "ci_low": one.ci_low, "ci_high": one.ci_high}
-        for name, one in result.items()
-    }
-    _write_json(
-        json_file,
-        {"rate": rec.rate, "num_samples": len(rec), "scales": result.scales, "level": level, "channels": per_channel},
-    )
+        content["scales"] = result.scales
+        content["channels"] = {
+            name: {"unit": one.units[0], "variance": one.variance, "ci_low": one.ci_low, "ci_high": one.ci_high}
+            for name, one in result.items()
+        }
+    _write_json(json_file, content)
 
 
 @_command(app)
@@ -149,11 +163,7 @@ def fit(
         lines = {signal: promised}
     fits = fit_model(wavelet_variance(rec), model, omega="two-step" if two_step else None, level=level, throw=False)
     singles = [fits] if isinstance(fits, Fit) else list(fits.values())
-    if json_file is None or str(json_file) != "-":
-        for one in singles:
-            typer.echo(f"{one}\n")
-        if not isinstance(fits, Fit):
-            typer.echo(fits)
+    _say(json_file, "\n\n".join([repr(one) for one in singles] + ([] if isinstance(fits, Fit) else [repr(fits)])))
     _write_figure(plot, lambda: fits.plot(datasheet=lines))
     _write_json(json_file, [one.to_dict() for one in singles])
     for one in singles:
@@ -170,6 +180,7 @@ def units(
     datasheet: Annotated[str | None, typer.Option(help="Datasheet entries 'N=0.15 deg/sqrt(h)' to a model.")] = None,
     rate: Rate = None,
     signal: Annotated[str, typer.Option(help="SI unit of the signal of --model: rad/s, m/s^2 or 1.")] = "rad/s",
+    json_file: Json = None,
 ) -> None:
     """Convert a number between units, or a model between per-sample, continuous-time and datasheet form.
 
@@ -182,7 +193,9 @@ def units(
     if value is not None:
         if source is None or target is None:
             raise ValueError('A number is converted from one unit to another: units 0.15 "deg/h" "rad/s".')
-        typer.echo(f"{value:g} {source} = {convert(value, source, target):.10g} {target}")
+        converted = convert(value, source, target)
+        _say(json_file, f"{value:g} {source} = {converted:.10g} {target}")
+        _write_json(json_file, {"value": converted, "unit": target})
     elif model is not None or datasheet is not None:
         if rate is None:
             raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
@@ -193,19 +206,21 @@ def units(
         else:
             composite = parse_model(model or "")
         tables = [continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
-        typer.echo(f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}")
+        _say(json_file, f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}")
+        lists = {"continuous": tables[0].to_list(), "datasheet": tables[1].to_list()}
+        _write_json(json_file, {"model": repr(composite), "rate": rate, **lists})
     else:
         raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")
 
 
 @_command(data_app, "list")
-def data_list() -> None:
+def data_list(json_file: Json = None) -> None:
     """List the public recordings and the sensors that can be simulated."""
-    for name in datasets.names():
-        known = datasets.info(name)
-        typer.echo(f"{name:20s} {known.description}")
-    for name in datasets.sensors():
-        typer.echo(f"{name:20s} simulated: {', '.join(datasets.sensor_models(name))}")
+    recordings = [datasets.info(name)._asdict() for name in datasets.names()]
+    sensors = {name: {c: repr(m) for c, m in datasets.sensor_models(name).items()} for name in datasets.sensors()}
+    lines = [f"{known['name']:20s} {known['description']}" for known in recordings]
+    _say(json_file, "\n".join([*lines, *(f"{name:20s} simulated: {', '.join(m)}" for name, m in sensors.items())]))
+    _write_json(json_file, {"recordings": recordings, "simulated": sensors})
 
 
 @_command(data_app, "fetch")
@@ -220,6 +235,7 @@ def data_simulate(
     out: Annotated[Path, typer.Option(help="Target, .npz.")],
     samples: Annotated[int, typer.Option(help="Length of the record.")] = 360_000,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    plot: Plot = None,
 ) -> None:
     """Draw a static recording of a sensor.
 
@@ -229,6 +245,7 @@ def data_simulate(
 
     rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
     typer.echo(f"{rec}\n{save_recording(rec, out)}")
+    _write_figure(plot, rec.plot)
 
 
 @_command(app)
@@ -279,6 +296,12 @@ def _pairs(text: str) -> dict[str, str]:
             raise ValueError(f"Cannot read {part.strip()!r}: expected name=value, several separated by commas.")
         pairs[name.strip()] = value.strip()
     return pairs
+
+
+def _say(json_file: Path | None, text: str) -> None:
+    """Print a table, unless the screen is for JSON."""
+    if json_file is None or str(json_file) != "-":
+        typer.echo(text)
 
 
 def _write_json(path: Path | None, content: Any) -> None:

@@ -165,6 +165,8 @@ def simulated(
     """
     models = sensor_models(sensor)
     chosen = tuple(models) if channels is None else tuple(channels)
+    if not chosen:
+        raise ValueError(f"No channel is asked for; {sensor} has {', '.join(models)}.")
     for channel in chosen:
         if channel not in models:
             raise ValueError(f"{sensor} has no channel {channel!r}; it has {', '.join(models)}.")

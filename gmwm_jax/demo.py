@@ -38,6 +38,7 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
         One fit a channel.
     """
     plt.switch_backend("Agg")
+    out.mkdir(parents=True, exist_ok=True)
     rec = datasets.simulated(_SENSOR, num_samples)
     say(f"{rec}\n")
     wv = wavelet_variance(rec)

@@ -19,6 +19,9 @@ from gmwm_jax.processes.registry import as_model
 AT = "at boundary: "
 ZERO = AT + "zero"
 UNSEEN = "not identified"
+CONFUSED = "not told apart from others"
+_WIDEST = 30.0
+"""Half width, on the log scale, of the widest interval that is worth printing: a factor of 1e13 either way."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,9 @@ def parameter_table(
         for i, (q, value) in enumerate(zip(p.parameters, p.values, strict=True)):
             note = _note(boundary.get(label, ""), p, (i,), q.determined_at)
             low = high = np.nan
-            if spread[at] > 0 and note != UNSEEN:
+            if _is_confused(spread, at, note):
+                note = CONFUSED
+            elif spread[at] > 0 and note != UNSEEN:
                 x = q.to_line(value)
                 low, high = float(q.from_line(x - spread[at])), float(q.from_line(x + spread[at]))
             shown = np.nan if note == UNSEEN else float(value)
@@ -132,7 +137,7 @@ def continuous_table(
     rate
         Sampling rate in Hz.
     unit
-        SI unit of the signal: ``rad/s``, ``m/s^2`` or another.
+        SI unit of the signal: ``rad/s``, ``m/s^2`` or ``1``.
     datasheet
         False: q, beta, 1/beta as a Kalman filter wants them, SI. True: N, K, Q, LSB, R, sigma in deg/sqrt(h) etc.
     z, level, boundary
@@ -166,8 +171,10 @@ def continuous_table(
             is_filter = i < len(form.filter)
             if is_filter == datasheet and not (q.symbol == "tau_c" and not datasheet):
                 continue
-            value, factor = float(values[at]), np.exp(spread[at]) if spread[at] > 0 else np.nan
             note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
+            if _is_confused(spread, at, note):
+                note = CONFUSED
+            value, factor = float(values[at]), np.exp(spread[at]) if 0 < spread[at] < _WIDEST else np.nan
             if np.isnan(value):
                 note = "none for phi <= 0"
             if note == UNSEEN:
@@ -191,6 +198,11 @@ class LogQuantities:
         """Logs of all quantities, component by component."""
         pairs = zip(model.processes, self.quantities, strict=True)
         return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
+
+
+def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: str) -> bool:
+    """Was it estimated, and has it no error while others have one?"""
+    return note == "" and bool(np.any(spread > 0)) and not bool(spread[at] < _WIDEST)
 
 
 def _note(boundary: str, process: AbstractProcess, reads: tuple[int, ...], determined_at: str) -> str:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import confidence, require_x64, sampling_rate, typed_key
+from gmwm_jax._check import agreed_rate, confidence, require_x64, typed_key
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.estimate import NUM_DESCENTS, NUM_ROUNDS, Data, Layout, Solution, minimise
 from gmwm_jax.estimates import AT, ZERO
@@ -86,7 +86,7 @@ def fit(
     level = confidence(level)
     model = as_model(model)
     wv = as_wavelet_variance(data, "fit")
-    rate = _common_rate(wv.rate, rate)
+    rate = agreed_rate(wv.rate, rate)
     if model.num_free > wv.num_scales:
         raise ValueError(
             f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "
@@ -154,6 +154,9 @@ def _fit_channels(
     fits = []
     for c, channel in enumerate(channels):
         solution = Solution(*(leaf[c] for leaf in solutions))
+        if not np.isfinite(solution.objective):  # nothing was found; the status says so, and no number looks like one
+            nothing = np.zeros(len(processes))
+            solution = solution._replace(coordinates=placements[0], amplitudes=nothing, objective=np.asarray(np.inf))
         fitted, at_boundary = _assemble(processes, order, layout, solution, tau_max)
         objective = float(solution.objective) * float(unit[c]) * float(unit[c])
         fits.append(
@@ -261,7 +264,7 @@ def _assemble(
             if limit and (layout.free_amplitude[i] or p.parameters[-1].determined_at == limit):
                 note = f"{AT}{limit}"
         amplitude = float(solution.amplitudes[i])
-        if amplitude == 0 and layout.free_amplitude[i]:
+        if amplitude == 0:
             note = ZERO
         values = (*shape, p.value_of(jnp.asarray(amplitude)))
         named = {q.name: v for q, v in zip(p.parameters, values, strict=True)}
@@ -293,7 +296,14 @@ def _weights(omega: Any, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
     """Omega as a matrix, checked."""
     J = wv.num_scales
     if omega is None:
-        return np.diag(1 / (wv.ci_high - wv.ci_low) ** 2)
+        with np.errstate(divide="ignore", over="ignore"):
+            weights = 1 / (wv.ci_high - wv.ci_low) ** 2
+        if not np.all(np.isfinite(weights) & (weights > 0)):
+            raise ValueError(
+                f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of these widths are beyond "
+                "floating point: take other units, or scale the data."
+            )
+        return np.diag(weights)
     omega = np.asarray(omega, dtype=np.float64)
     if omega.shape == (J,):
         omega = np.diag(omega)
@@ -312,13 +322,6 @@ def _second_step(fit: Fit) -> Float[np.ndarray, "J J"]:
     if fit.status is Status.non_finite:
         return fit.omega
     wv = fit.wv
+    if np.any(fit.fitted <= 0):
+        raise ValueError(f"{TWO_STEP} weights need a model with a variance, and {fit.model} has none at some scale.")
     return np.diag((wv.variance / (fit.fitted * (wv.ci_high - wv.ci_low))) ** 2)
-
-
-def _common_rate(known: float | None, given: float | None) -> float | None:
-    if given is None:
-        return known
-    given = sampling_rate(given)
-    if known is not None and known != given:
-        raise ValueError(f"rate={given:g} was given, and the data have {known:g} Hz.")
-    return given

@@ -10,12 +10,14 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jaxtyping import Float
 from scipy.special import ndtri
 
 from gmwm_jax.processes._base import Composite
+
+_RANK_TOLERANCE = 1e-8
+"""Of the singular values of the whitened derivative: beyond it no data tell two parameters apart."""
 
 
 @partial(jax.jit, static_argnames="active")
@@ -26,7 +28,7 @@ def parameter_covariance(
     whitener: Float[Array, "J J"],
     V: Float[Array, "J J"],
 ) -> Float[Array, "P P"]:
-    """Sandwich covariance of the active parameters on the real line.
+    """Sandwich covariance of the active parameters on the real line; NaN for those that data cannot tell apart.
 
     Parameters
     ----------
@@ -43,10 +45,15 @@ def parameter_covariance(
         Covariance of the wavelet variance.
     """
     A = whitener @ _jacobian(lambda m: m.wavelet_variance(tau), model, active)
-    # columns of unit length, so that the pseudo-inverse cuts directions the data do not see, not small units
+    # columns of unit length, so that what is small is a direction that the data do not see, not a unit
     length = jnp.linalg.norm(A, axis=0)
-    B = (jnp.linalg.pinv(A / length[None, :]) / length[:, None]) @ whitener
-    return B @ V @ B.T
+    length = jnp.where(length > 0, length, 1.0)
+    U, s, Wt = jnp.linalg.svd(A / length[None, :], full_matrices=False)
+    seen = s > _RANK_TOLERANCE * s[0]
+    B = ((Wt.T * jnp.where(seen, 1 / jnp.where(seen, s, 1.0), 0.0)[None, :]) @ U.T / length[:, None]) @ whitener
+    # a parameter that moves along an unseen direction has no variance; the others have theirs
+    lost = jnp.sum(jnp.where(seen[:, None], 0.0, Wt * Wt), axis=0) > _RANK_TOLERANCE
+    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
 
 
 @partial(jax.jit, static_argnames=("quantity", "active"))
@@ -67,10 +74,13 @@ def delta_method(
 
     Returns
     -------
-    The standard error of each entry of the vector.
+    The standard error of each entry of the vector; NaN where it depends on a parameter that has none.
     """
     J = _jacobian(quantity, model, active)
-    return jnp.sqrt(jnp.sum((J @ covariance) * J, axis=1))
+    lost = jnp.isnan(jnp.diagonal(covariance))
+    known = jnp.where(lost[:, None] | lost[None, :], 0.0, covariance)
+    error = jnp.sqrt(jnp.sum((J @ known) * J, axis=1))
+    return jnp.where(jnp.any((J != 0) & lost[None, :], axis=1), jnp.nan, error)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -92,9 +102,3 @@ def _jacobian(quantity: Callable[[Composite], Array], model: Composite, active: 
         return quantity(model.with_unconstrained(eta.at[at].set(values)))
 
     return jax.jacfwd(of_active)(eta[at])
-
-
-def correlation(covariance: Float[np.ndarray, "P P"]) -> Float[np.ndarray, "P P"]:
-    """Correlation matrix of a covariance matrix."""
-    sd = np.sqrt(np.diag(covariance))
-    return covariance / np.outer(sd, sd)

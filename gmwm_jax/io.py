@@ -7,6 +7,7 @@ is the same for all formats.
 import difflib
 import importlib
 import os
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm_jax._check import sampling_rate
+from gmwm_jax._check import same_rate, sampling_rate
 from gmwm_jax._columns import Columns, plain_names
 from gmwm_jax._files import write_atomically
 from gmwm_jax._known_files import KNOWN_FILES, recognise
@@ -25,8 +26,8 @@ from gmwm_jax._typing import FloatLike, Names
 from gmwm_jax.recording import Recording
 
 _SAVED = ("data", "rate", "channels", "units", "name")
-_RATE_TOLERANCE = 0.01
-_TIMES = {"t", "time", "timestamp", "timestamps", "sec", "seconds"}
+_TIME = re.compile(r"t(_(s|ms|us|ns))?|(.*_)?(time|timestamps?|sec|secs|seconds?)(_.*)?")
+"""Names of columns of time: ``t``, ``time_s``, ``timestamp_ns``, ``sys_time`` ..."""
 
 
 def read_recording(
@@ -100,7 +101,7 @@ def read_recording(
         if not picked:
             raise ValueError("No column is left to read besides that of time.")
         labels = [table.names[i] if table.names else str(i) for i in picked]
-        found = [label for label in labels if label.lower() in _TIMES]
+        found = [label for label in labels if _TIME.fullmatch(label.lower())]
         if found and time is None and table.units is None:
             raise ValueError(f"Column {found[0]!r} looks like time: name it by time=..., or pick others by columns=...")
         loaded = list(table.load(picked if timed is None else [*picked, timed]))
@@ -156,6 +157,8 @@ def import_optional(module: str) -> Any:
 def _require_file(file: Path) -> None:
     if file.is_file():
         return
+    if file.is_dir():
+        raise FileNotFoundError(f"{file.resolve()} is a folder, not a file.")
     near = difflib.get_close_matches(file.name, os.listdir(file.parent)) if file.parent.is_dir() else []
     public = [known.name for known in KNOWN_FILES if known.file == file.name]
     hint = f" Files of a similar name are there: {', '.join(near)}." if near else ""
@@ -218,7 +221,7 @@ def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
         )
     (first, rate), *others = rates.items()
     for source, other in others:
-        if abs(other / rate - 1) > _RATE_TOLERANCE:
+        if not same_rate(rate, other):
             raise ValueError(f"Wrong rate (or time_unit): {first} says {rate:g} Hz, and {source} {other:g} Hz.")
     return rate
 

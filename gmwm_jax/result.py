@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from gmwm_jax._check import sampling_rate
+from gmwm_jax._check import agreed_rate, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.estimates import ZERO, EstimateTable, continuous_table, parameter_table
 from gmwm_jax.inference import delta_method, normal_quantile, parameter_covariance
@@ -165,9 +165,7 @@ class Fit:
         return self._continuous(rate, datasheet=True)
 
     def _continuous(self, rate: float | None, *, datasheet: bool) -> EstimateTable:
-        if rate is not None and self.rate is not None and rate != self.rate:
-            raise ValueError(f"rate={rate} was given, and the fit knows {self.rate} Hz.")
-        rate = sampling_rate(self.rate if rate is None else rate)
+        rate = sampling_rate(agreed_rate(self.rate, rate))
 
         def errors(logs: Any) -> np.ndarray:
             return np.asarray(delta_method(logs, self.model, self.active, self.covariance))
@@ -210,12 +208,16 @@ class Fit:
             "model": " + ".join(p.kind for p in self.model.processes),
             "objective": self.objective,
             "weights": self.weights,
+            "level": self.level,
             "status": self.status.value,
             "agreement": self.agreement,
             "parameters": self.parameters().to_list(),
             "scales": self.wv.scales.tolist(),
             "variance": self.wv.variance.tolist(),
+            "ci_low": self.wv.ci_low.tolist(),
+            "ci_high": self.wv.ci_high.tolist(),
             "fitted": self.fitted.tolist(),
+            "residuals": self.residuals.tolist(),
             "components": {k: v.tolist() for k, v in self.decomposition().items()},
         }
         if self.rate:

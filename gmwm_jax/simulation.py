@@ -2,19 +2,22 @@
 
 import zlib
 from collections import Counter
+from typing import SupportsIndex
 
 import equinox as eqx
 import jax
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._check import require_x64, typed_key
+from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.processes._base import AbstractProcess, Composite, sum_arrays
 from gmwm_jax.processes.registry import as_model
 
 
-def simulate(model: str | AbstractProcess | Composite, num_samples: int, *, key: PRNGKey) -> Float[Array, " N"]:
+def simulate(
+    model: str | AbstractProcess | Composite, num_samples: SupportsIndex, *, key: PRNGKey
+) -> Float[Array, " N"]:
     """Draw one record of a model.
 
     Stationary components start from their stationary distribution (R's simts starts them at zero, which takes
@@ -37,7 +40,7 @@ def simulate(model: str | AbstractProcess | Composite, num_samples: int, *, key:
     Raises
     ------
     ValueError
-        A parameter without value, or less than one sample.
+        A parameter without value, or a number of samples that is no positive integer.
     TypeError
         The key is an integer or of the old kind.
     """
@@ -46,14 +49,13 @@ def simulate(model: str | AbstractProcess | Composite, num_samples: int, *, key:
     model = as_model(model)
     for process in model.processes:
         process.require_complete()
-    if num_samples < 1:
-        raise ValueError(f"A record has at least one sample; num_samples is {num_samples}.")
+    num = integer("num_samples", num_samples, 1)
     seen: Counter[str] = Counter()
     parts = []
     for process in model.processes:
         seen[process.kind] += 1
         stream = jax.random.fold_in(key, zlib.crc32(f"{process.kind}:{seen[process.kind]}".encode()))
-        parts.append(_draw(process, num_samples, stream))
+        parts.append(_draw(process, num, stream))
     return sum_arrays(parts)
 
 

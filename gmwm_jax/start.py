@@ -30,7 +30,8 @@ def lattice(
     tau_max
         Largest span of the wavelet variance, in samples.
     key
-        Moves every coordinate at random by up to half the distance of the nodes; None leaves them where they are.
+        Moves every node but those at the ends at random, by up to half the distance to its neighbours; None leaves
+        them where they are.
 
     Returns
     -------
@@ -43,18 +44,22 @@ def lattice(
         return np.zeros((1, 0)), np.zeros((1, 0))
     groups = [(kind, len(list(members))) for kind, members in itertools.groupby(kinds)]
     budget = _NUM_PLACEMENTS ** (1 / len(groups))
-    choices, spacings = [], []
+    choices = []
     for kind, count in groups:
         num = count
         while math.comb(num + 1, count) <= budget:
             num += 1
-        at = kind.start_nodes(tau_max, num)
+        at = _moved(kind.start_nodes(tau_max, num), key)
         choices.append(list(itertools.combinations(at, count)))
-        spacings += [float(np.mean(np.diff(at))) if num > 1 else 1.0] * count
     placements = np.array([sum(parts, ()) for parts in itertools.product(*choices)])
-    nodes = np.column_stack([kind.start_nodes(tau_max, len(placements)) for kind in kinds])
-    if key is not None:
-        shift = np.asarray(jax.random.uniform(key, (2, *placements.shape), minval=-0.5, maxval=0.5))
-        placements = placements + shift[0] * np.array(spacings)
-        nodes = nodes + shift[1] * (nodes[1:2] - nodes[:1] if len(nodes) > 1 else 1.0)
-    return placements, nodes
+    columns = {kind: _moved(kind.start_nodes(tau_max, len(placements)), key) for kind, _ in groups}
+    return placements, np.column_stack([columns[kind] for kind in kinds])
+
+
+def _moved(nodes: tuple[float, ...], key: PRNGKey | None) -> tuple[float, ...]:
+    if key is None:
+        return nodes
+    gaps = np.diff(nodes)
+    shift = np.asarray(jax.random.uniform(key, (len(nodes) - 2,), minval=-0.5, maxval=0.5))
+    inner = np.array(nodes[1:-1]) + shift * np.minimum(gaps[:-1], gaps[1:])
+    return nodes[0], *inner.tolist(), nodes[-1]

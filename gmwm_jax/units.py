@@ -2,7 +2,7 @@
 
 Everything inside the package is SI (rad/s for gyros, m/s^2 for accelerometers). This file is the edge.
 
-A *signal unit* u is ``rad/s``, ``m/s^2`` or any other string for sensors of another kind. A noise quantity has a
+A *signal unit* u is ``rad/s``, ``m/s^2`` or ``1`` for sensors of another kind. A noise quantity has a
 unit derived from u: a white-noise density is u/sqrt(Hz), a random-walk density u/sqrt(s), quantisation u*s, a drift
 u/s. ``deg/sqrt(h)`` and ``rad/s/sqrt(Hz)`` are the same dimension (1/sqrt(Hz) = sqrt(s)).
 
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from gmwm_jax._check import sampling_rate
+from gmwm_jax._check import as_float, sampling_rate
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
@@ -346,12 +346,31 @@ def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[
 
     Returns
     -------
-    WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s] and q [u^2/s].
+    WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s] and q [u^2/s], NaN for an AR1 with
+    phi <= 0, which has no continuous form.
+
+    Raises
+    ------
+    ValueError
+        Unknown process, another number of parameters, a rate that is not positive.
+    RuntimeError
+        x64 is off.
     """
+    form, values = _form(kind, parameters)
     f = sampling_rate(rate)
-    return tuple(q.value(*parameters, f) for q in CONTINUOUS[kind].filter)
+    return tuple(q.value(*values, f) for q in form.filter)
 
 
 def from_continuous(kind: str, quantities: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
     """Inverse of `to_continuous`: continuous-time filter quantities in SI to per-sample parameters."""
-    return CONTINUOUS[kind].inverse(*quantities, sampling_rate(rate))
+    form, values = _form(kind, quantities)
+    return form.inverse(*values, sampling_rate(rate))
+
+
+def _form(kind: str, values: tuple[Any, ...]) -> tuple[ContinuousForm, tuple[Any, ...]]:
+    if kind not in CONTINUOUS:
+        raise ValueError(f"Unknown process {kind!r}; there are {', '.join(CONTINUOUS)}.")
+    form = CONTINUOUS[kind]
+    if len(values) != len(form.filter):
+        raise ValueError(f"{kind} has {len(form.filter)} parameters, and {len(values)} were given.")
+    return form, tuple(as_float(v) for v in values)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from gmwm_jax._check import (
+    agreed_rate,
     as_float,
     confidence,
     finite_record,
@@ -119,10 +120,9 @@ class WaveletVariance:
             raise ValueError(f"scales must be in increasing order, and are {tau}.")
         positive("variance", arrays["variance"])
         positive("ci_low", arrays["ci_low"], zero_ok=True)
-        outside = ~((arrays["ci_low"] <= arrays["variance"]) & (arrays["variance"] <= arrays["ci_high"]))
-        outside |= arrays["ci_low"] == arrays["ci_high"]
+        outside = ~((arrays["ci_low"] < arrays["variance"]) & (arrays["variance"] < arrays["ci_high"]))
         if np.any(outside):
-            raise ValueError(f"The interval at scale {tau[outside][0]:g} does not hold its variance, or is empty.")
+            raise ValueError(f"The interval at scale {tau[outside][0]:g} does not hold its variance inside it.")
         if rate is not None:
             rate = sampling_rate(rate)
         if num_samples is not None:
@@ -241,9 +241,8 @@ def wavelet_variance(
     if isinstance(record, (str, bytes, Mapping, Set)) or not (is_array or isinstance(record, Iterable)):
         raise TypeError(f"A record is a Recording, an array or an iterator of blocks, and no {type(record).__name__}.")
     if isinstance(record, Recording):
-        if rate is not None and rate != record.rate:
-            raise ValueError(f"rate={rate} was given, and the recording has {record.rate} Hz.")
-        data, rate, channels, units, name = record.data, record.rate, record.channels, record.units, record.name
+        data, channels, units, name = record.data, record.channels, record.units, record.name
+        rate = agreed_rate(record.rate, rate)
         if record.num_channels == 1:
             data = data[:, 0]
     elif is_array:
@@ -268,7 +267,7 @@ def wavelet_variance(
     for i, channel in enumerate(channels):
         x = matrix[:, i]
         if method == "modwt":
-            nu = host_wavelet_variance(x, J, scratch=scratch)
+            nu = host_wavelet_variance(x, J, scratch=scratch, name=channel)
         else:
             finite_record(np.asarray(x), channel)
             nu = np.asarray(haar_dwt_variance(as_float(x), J))

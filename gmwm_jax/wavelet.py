@@ -22,7 +22,7 @@ from jax import Array
 from jaxtyping import Float
 from scipy.special import gammaincinv
 
-from gmwm_jax._check import confidence, integer, require_x64
+from gmwm_jax._check import as_float, confidence, integer
 
 
 def default_num_levels(num_samples: int) -> int:
@@ -85,13 +85,13 @@ def interval_factors(
     return eta / upper, eta / lower
 
 
-def haar_wavelet_variance(x: Float[Array, " N"], num_levels: int | None = None) -> Float[Array, " J"]:
+def haar_wavelet_variance(x: Any, num_levels: int | None = None) -> Float[Array, " J"]:
     """Haar MODWT wavelet variance of one record as a pure JAX function.
 
     Parameters
     ----------
     x
-        Record, N samples.
+        Record, shape (N,).
     num_levels
         J, by default floor(log2 N) - 1. Static under jit.
 
@@ -102,11 +102,10 @@ def haar_wavelet_variance(x: Float[Array, " N"], num_levels: int | None = None) 
     Raises
     ------
     ValueError
-        The record is too short.
+        The record is too short, or has another shape: vmap over channels.
     """
-    require_x64()
-    num_samples = x.shape[0]
-    J = check_num_levels(num_samples, num_levels)
+    x = _one_record(x)
+    J = check_num_levels(x.shape[0], num_levels)
     S = x - jnp.mean(x)  # a constant changes no coefficient, and without it the sums stay small
     variances = []
     for j in range(1, J + 1):
@@ -117,7 +116,15 @@ def haar_wavelet_variance(x: Float[Array, " N"], num_levels: int | None = None) 
     return jnp.stack(variances)
 
 
-def haar_dwt_variance(x: Float[Array, " N"], num_levels: int | None = None) -> Float[Array, " J"]:
+def _one_record(x: Any) -> Array:
+    if jnp.ndim(x) != 1:
+        raise ValueError(
+            f"A record has the shape (N,), and this one {jnp.shape(x)}: use jax.vmap for several channels."
+        )
+    return as_float(x)
+
+
+def haar_dwt_variance(x: Any, num_levels: int | None = None) -> Float[Array, " J"]:
     """Haar DWT wavelet variance: as `haar_wavelet_variance`, from every 2^j-th coefficient only.
 
     Its expectation is that of the MODWT (R's package wv leaves the factor 2^j in), its variance is larger. Samples
@@ -126,11 +133,11 @@ def haar_dwt_variance(x: Float[Array, " N"], num_levels: int | None = None) -> F
     Parameters
     ----------
     x
-        The record.
+        Record, shape (N,).
     num_levels
         J, by default floor(log2 N) - 1.
     """
-    require_x64()
+    x = _one_record(x)
     J = check_num_levels(x.shape[0], num_levels)
     S: Any = x - jnp.mean(x)
     variances = []

@@ -30,7 +30,11 @@ _BLOCK = 1 << 15
 
 
 def host_wavelet_variance(
-    x: Shaped[np.ndarray, " N"], num_levels: int | None = None, *, scratch: str | os.PathLike | None = None
+    x: Shaped[np.ndarray, " N"],
+    num_levels: int | None = None,
+    *,
+    scratch: str | os.PathLike | None = None,
+    name: str = "the record",
 ) -> Float[np.ndarray, " J"]:
     """Haar MODWT wavelet variance of an array or memory map.
 
@@ -42,6 +46,8 @@ def host_wavelet_variance(
         J, by default floor(log2 N) - 1.
     scratch
         A folder for a temporary file of 8 N bytes, which then takes the place of as much memory.
+    name
+        Of the record, for messages.
 
     Returns
     -------
@@ -57,7 +63,7 @@ def host_wavelet_variance(
     m = min(J, _FINE_LEVELS)
     origin = float(np.mean(x[:_BLOCK]))  # a constant changes no coefficient; without it the sums stay small
     if not np.isfinite(origin):
-        finite_record(np.asarray(x))
+        finite_record(np.asarray(x), name)
     # Blocks do not depend on each other, and NumPy leaves the interpreter lock: one thread a core.
     workers = os.cpu_count() or 1
     with _sums(num, scratch) as S, ThreadPoolExecutor(workers) as pool:
@@ -71,7 +77,8 @@ def host_wavelet_variance(
             coarse = sum(pool.map(lambda share: _coarse_levels(S, share, width, m, J), shares))
             energy = np.concatenate([energy, coarse])
     if not np.all(np.isfinite(energy)):
-        finite_record(np.asarray(x))
+        finite_record(np.asarray(x), name)
+        raise ValueError(f"The squares of {name} are beyond floating point: take other units, or scale the data.")
     j = np.arange(1, J + 1)
     return energy / (4.0**j * (num - 2.0**j + 1))
 
@@ -82,14 +89,18 @@ def blocks_to_file(blocks: Iterable[np.ndarray], file: str | os.PathLike) -> np.
     Raises
     ------
     ValueError
-        A block that is not one-dimensional.
+        A block that is not one-dimensional or holds no real numbers; none at all.
     """
     num = 0
     with open(file, "wb") as out:
         for i, block in enumerate(blocks):
+            block = np.asarray(block)
+            if block.ndim != 1 or block.dtype.kind not in "fiu":
+                raise ValueError(
+                    f"Block {i} has the shape {block.shape} and the dtype {block.dtype}; blocks of one channel are "
+                    "one-dimensional and hold real numbers."
+                )
             block = np.ascontiguousarray(block, dtype=np.float64)
-            if block.ndim != 1:
-                raise ValueError(f"Block {i} has the shape {block.shape}; blocks of one channel are one-dimensional.")
             block.tofile(out)
             num += block.size
     if num == 0:

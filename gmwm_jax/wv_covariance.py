@@ -25,8 +25,9 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._check import require_x64
-from gmwm_jax.processes._base import Composite
+from gmwm_jax._check import integer, require_x64
+from gmwm_jax.processes._base import AbstractProcess, Composite
+from gmwm_jax.processes.registry import as_model
 from gmwm_jax.wavelet import check_num_levels, num_coefficients, scales
 
 _NODES = 8
@@ -120,7 +121,9 @@ def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
     )
 
 
-def wv_covariance(model: Composite, num_samples: int, num_levels: int | None = None) -> Float[Array, "J J"]:
+def wv_covariance(
+    model: str | AbstractProcess | Composite, num_samples: int, num_levels: int | None = None
+) -> Float[Array, "J J"]:
     """Covariance matrix of the Haar MODWT wavelet variance of a record of N samples.
 
     Parameters
@@ -140,6 +143,8 @@ def wv_covariance(model: Composite, num_samples: int, num_levels: int | None = N
         A parameter without value; too short a record.
     """
     require_x64()
+    model = as_model(model)
+    num_samples = integer("num_samples", num_samples, 1)
     J = check_num_levels(num_samples, num_levels)
     for process in model.processes:
         process.require_complete()

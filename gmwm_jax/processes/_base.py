@@ -165,7 +165,11 @@ class AbstractProcess(eqx.Module):
 
     @classmethod
     def start_nodes(cls, tau_max: float, num: int) -> tuple[float, ...]:
-        """Coordinates at which a search over records with spans up to tau_max starts."""
+        """Coordinates, increasing, at which a search over records with spans up to tau_max starts.
+
+        The ends of `coordinate_bounds` are among them: a minimum at a limit is there at once, where a descent in the
+        logarithm of a correlation time only crawls.
+        """
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
@@ -252,6 +256,9 @@ class Composite(eqx.Module):
         self.processes = tuple(processes)
         if not self.processes:
             raise ValueError("A model needs at least one process.")
+        for p in self.processes:
+            if not isinstance(p, AbstractProcess):
+                raise TypeError(f"A model is a sum of processes, and {p!r} is none; parse_model reads text.")
         counts = Counter(type(p) for p in self.processes)
         for cls, count in counts.items():
             if count > 1 and not cls.repeatable:

@@ -137,7 +137,8 @@ class GM(AbstractProcess):
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102
-        return tuple(_log_beta_nodes(tau_max, num))
+        random_walk, white_noise = cls.coordinate_bounds(tau_max)
+        return random_walk, *_log_beta_nodes(tau_max, num - 2), white_noise
 
     @classmethod
     def correlation_time(cls, shape):  # noqa: D102
@@ -241,9 +242,11 @@ class AR1(AbstractProcess):
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102
-        # one node for alternating processes, phi = -0.5
-        positive = -np.log(np.tanh(np.exp(_log_beta_nodes(tau_max, num - 1)) / 2))
-        return (-1.1, *(float(z) for z in positive))
+        alternating, random_walk = cls.coordinate_bounds(tau_max)
+        # phi = -0.99, -0.8, -0.5, -0.2, -0.05, -0.01; not 0, which beside a WN is a stationary point
+        few = (alternating, -5.3, -2.2, -1.1, -0.4, -0.1, -0.02)
+        positive = sorted(-np.log(np.tanh(np.exp(_log_beta_nodes(tau_max, num - 8)) / 2)))
+        return *few, *(float(z) for z in positive), random_walk
 
     @classmethod
     def correlation_time(cls, shape):  # noqa: D102
@@ -258,8 +261,8 @@ class AR1(AbstractProcess):
 
 
 def _log_beta_nodes(tau_max: float, num: int) -> list[float]:
-    """From a tenth of the longest span to a fifth of a sample, ends left out."""
-    return [float(x) for x in np.linspace(math.log(0.1 / tau_max), math.log(5.0), num + 2)[1:-1]]
+    """From ten times the longest span to a twelfth of a sample, ends left out."""
+    return [float(x) for x in np.linspace(math.log(0.1 / tau_max), math.log(12.0), num + 2)[1:-1]]
 
 
 def _simulate(phi: Any, remainder: Any, variance: Any, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:

@@ -130,7 +130,7 @@ def test_errors_name_their_fault():
         gj.slope_regression(adev[0], {"WN": (1000.0, 2000.0)})
     with pytest.raises(ValueError, match="at least 3 averaging times"):
         gj.read_off(gj.allan_deviation(gj.wavelet_variance(x[:10, 0], rate=1.0)))
-    with pytest.raises(ValueError, match=r"rate=2 was given, and the data have 1 Hz"):
+    with pytest.raises(ValueError, match=r"rate=2.0 was given, and the data have 1.0 Hz"):
         gj.allan_deviation(adev.wv, rate=2.0)
 
 

@@ -218,6 +218,13 @@ def test_units_of_a_model():
     assert "(m/s^2)^2/Hz" in accel
 
 
+def test_units_as_json():
+    assert json.loads(call("units", "1", "deg", "rad", "--json", "-").stdout) == {"value": np.pi / 180, "unit": "rad"}
+    content = json.loads(call("units", "--model", "WN(sigma2=1e-4)", "--rate", "100", "--json", "-").stdout)
+    assert (content["model"], content["rate"]) == ("WN(sigma2=0.0001)", 100.0)
+    assert content["continuous"][0]["value"] == pytest.approx(1e-6, rel=1e-12, abs=0)
+
+
 def test_units_of_a_datasheet():
     stdout = call("units", "--datasheet", "N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)", "--rate", "400").stdout
     sigma2 = (0.15 * np.pi / 180 / 60) ** 2 * 400
@@ -232,6 +239,9 @@ def test_units_of_a_datasheet():
 def test_data_list():
     lines = call("data", "list").stdout.splitlines()
     assert [line.split()[0] for line in lines] == [*datasets.names(), *datasets.sensors()]
+    content = json.loads(call("data", "list", "--json", "-").stdout)
+    assert [known["name"] for known in content["recordings"]] == list(datasets.names())
+    assert list(content["simulated"]) == list(datasets.sensors())
 
 
 def test_data_simulate(tmp_path):
@@ -285,7 +295,7 @@ STATED = ("--rate", "100", "--unit", "rad/s")
         (("wv", "{npz}", "--levels", "40"), "40"),
         (("wv", "{npz}", "--rate", "50"), "Wrong rate"),
         (("wv", "{bad}/bare.npy", "--unit", "rad/s"), "sampling rate is missing"),
-        (("wv", "{bad}/bare.npy", "--rate", "100"), "missing: give units=... (--unit on the command line)"),
+        (("wv", "{bad}/bare.npy", "--rate", "100"), "missing: give --unit, one unit"),
         (("wv", "{bad}/bare.npy", "--rate", "100", "--unit", "deg/w"), "Unknown unit 'deg/w'. Known ones near it"),
         (("wv", "{bad}/bare.npy", "--rate", "100", "--unit", "gyro=deg/s,g"), "Cannot read 'g': expected name=value"),
         (("wv", "{bad}/bare.npy", "--time", "0", "--unit", "rad/s"), "Time does not increase"),
@@ -310,8 +320,14 @@ STATED = ("--rate", "100", "--unit", "rad/s")
         (("data", "fetch", "nothing"), "There is no data set 'nothing'"),
         (("data", "simulate", "mti-h", "--out", "{bad}/a.npz"), "There is no sensor 'mti-h'; there are: mti-g"),
         (("data", "simulate", "mti-g", "--out", "{bad}/a.csv", "--samples", "100"), "Recordings are saved as .npz"),
-        (("data", "simulate", "mti-g", "--out", "{bad}/a.npz", "--samples", "0"), "at least one sample"),
+        (
+            ("data", "simulate", "mti-g", "--out", "{bad}/a.npz", "--samples", "0"),
+            "integer of 1 or more, and is 0",
+        ),
         (("demo", "--samples", "1", "--out", "{bad}/out"), "one sample"),
+        (("demo", "--samples", "1", "--out", "{bad}/bare.npy"), "File exists"),
+        (("wv", "{bad}", *STATED), "is a folder, not a file"),
+        (("wv", "{bad}/bare.npy", "--unit", "1"), "give --rate in Hz, or --time to name"),
     ],
 )
 def test_bad_input_is_one_message_and_exit_code_1(bad, npz, arguments, message):
@@ -320,6 +336,18 @@ def test_bad_input_is_one_message_and_exit_code_1(bad, npz, arguments, message):
     assert message in result.stderr
     assert "Traceback" not in result.stderr
     assert result.stdout == ""
+
+
+def test_a_target_that_is_a_folder_is_named(npz, tmp_path):
+    assert "is a folder, and a file is to be written" in call("wv", npz, "--json", tmp_path, code=1).stderr
+
+
+def test_allan_as_json(npz, wv):
+    content = json.loads(call("wv", npz, "--allan", "--json", "-").stdout)
+    one = content["channels"]["gyro_x"]
+    np.testing.assert_allclose(one["deviation"], np.sqrt(2 * wv["gyro_x"].variance), rtol=1e-14)
+    assert [e["symbol"] for e in one["read_off"]] == ["N", "B", "K"]
+    assert content["times"][0] == 0.01
 
 
 @pytest.mark.parametrize(

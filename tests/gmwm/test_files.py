@@ -20,6 +20,13 @@ def test_permissions_are_those_of_an_ordinary_file(tmp_path):
     assert os.stat(path).st_mode == os.stat(tmp_path / "plain").st_mode
 
 
+def test_what_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(IsADirectoryError, match="is a folder, and a file is to be written"):
+        write_atomically(tmp_path, lambda file: None)
+    with pytest.raises(OSError, match=r"/dev/null/x cannot be written|Not a directory|File exists"):
+        write_atomically("/dev/null/x", lambda file: None)
+
+
 @pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
 def test_an_interruption_leaves_the_old_file(tmp_path, error):
     (tmp_path / "x").write_bytes(b"old")

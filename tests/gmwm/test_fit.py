@@ -152,6 +152,23 @@ def test_adding_a_process_never_raises_the_objective(adis_fits):
             assert ours[large][channel].objective <= ours[small][channel].objective * (1 + 1e-9), (small, large)
 
 
+@pytest.mark.parametrize("model", ["WN + 2*GM", "WN + 2*AR1"])
+def test_a_minimum_at_a_limit_is_reached_from_every_start(model):
+    """Records of WN + RW without an RW in the model: one process has to become the random walk.
+
+    A descent in the log of its correlation time would crawl there; beside it an AR1 with phi near 0 competes with WN.
+    """
+    keys = jax.random.split(jax.random.key(100), 20)
+    x = np.column_stack([np.asarray(gj.simulate("WN(sigma2=1) + RW(gamma2=1e-4)", 20_000, key=k)) for k in keys])
+    wv = gj.wavelet_variance(x)
+    runs = [gj.fit(wv, model), *(gj.fit(wv, model, key=jax.random.key(i)) for i in range(3))]
+    objectives = np.array([[f.objective for f in fits.values()] for fits in runs])
+    assert np.all(np.ptp(objectives, axis=0) <= 1e-6 * objectives.min(axis=0))
+    smaller = gj.fit(wv, "WN + RW")
+    assert all(fits[i].objective <= smaller[i].objective * (1 + 1e-9) for fits in runs for i in range(20))
+    assert sum("at boundary: random walk" in f.at_boundary.values() for f in runs[0].values()) > 5
+
+
 def test_hard_cases_of_the_library(shared):
     """Two Gauss-Markov processes close to each other (LN-200, gyro Y) are told apart whatever else is in the model.
 
@@ -378,7 +395,7 @@ def test_bad_rates_and_types_name_their_fault():
         gj.fit(wv, "WN", rate=-1.0)
     with pytest.raises(ValueError, match="sampling rate is missing"):
         gj.fit(wv, "WN").continuous()
-    with pytest.raises(ValueError, match=r"rate=3.* and the fit knows 2"):
+    with pytest.raises(ValueError, match=r"rate=3.0 was given, and the data have 2.0 Hz"):
         gj.fit(wv, "WN", rate=2.0).continuous(3.0)
     with pytest.raises(ValueError, match="no value for sigma2"):
         gj.objective(wv, "WN")
@@ -398,6 +415,15 @@ def test_a_search_without_a_finite_objective_says_so():
     with pytest.raises(RuntimeError, match="no finite objective"):
         gj.fit(wv, "WN", omega=np.full(6, 1e308))
     assert gj.fit(wv, "WN", omega=np.full(6, 1e308), throw=False).status is Status.non_finite
+
+
+def test_weights_beyond_floating_point_are_refused():
+    tau = 2.0 ** np.arange(1, 7)
+    wv = gj.WaveletVariance.from_table(tau, 1e-170 / tau, 0.9e-170 / tau, 1.1e-170 / tau)
+    with pytest.raises(ValueError, match="beyond floating point: take other units"):
+        gj.fit(wv, "WN")
+    with pytest.raises(ValueError, match="two-step weights need a model with a variance"):
+        gj.fit(exact("WN(sigma2=1)", levels=8), gj.WN(gj.Fixed(0.0)), omega="two-step")
 
 
 def test_the_scale_of_the_weights_changes_nothing_but_the_objective(mtig):

@@ -179,6 +179,56 @@ def test_a_lost_gauss_markov_process_has_no_correlation_time():
     assert lost[0] in repr(fit)
 
 
+def test_components_that_cannot_be_told_apart_have_no_interval():
+    """Two processes held at one correlation time: any split of the variance fits alike. Their neighbour keeps its own.
+
+    A pseudo-inverse alone would call the unseen direction certain.
+    """
+    wv = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(0))), rate=1.0)
+    twice = gj.fit(wv, "WN + GM(beta=0.01 fixed) + GM(beta=0.01 fixed)")
+    once = gj.fit(wv, "WN + GM(beta=0.01 fixed)")
+    assert twice.objective == pytest.approx(once.objective, rel=1e-9, abs=0)
+    if "at boundary: zero" not in twice.at_boundary.values():
+        for table in (twice.parameters(), twice.datasheet()):
+            for e in table:
+                if e.component != "WN" and e.symbol in ("variance", "sigma", "sqrt(q)", "N_0"):
+                    assert e.note == "not told apart from others"
+                    assert np.isnan([e.ci_low, e.ci_high]).all()
+    model = gj.WN(0.5) + gj.GM(0.01, 0.05) + gj.GM(0.01, 0.05)
+    whitener = np.diag(1 / (wv.ci_high - wv.ci_low))
+    covariance = parameter_covariance(model, (0, 2, 4), wv.scales, whitener, gj.wv_covariance(model, 2**14))
+    assert np.isnan(np.diag(np.asarray(covariance))).tolist() == [False, True, True]
+    single = gj.WN(0.5) + gj.GM(0.01, 0.1)
+    expected = parameter_covariance(single, (0, 2), wv.scales, whitener, gj.wv_covariance(single, 2**14))
+    assert float(covariance[0, 0]) == pytest.approx(float(expected[0, 0]), rel=1e-6, abs=0)
+    errors = delta_method(ONE_AND_TWO, model, (0, 2, 4), covariance)
+    assert np.isnan(np.asarray(errors)).tolist() == [False, True]
+
+
+def ONE_AND_TWO(model):
+    return jnp.log(jnp.stack([model.processes[0].sigma2, model.processes[1].variance]))
+
+
+def test_a_held_amplitude_of_zero_takes_no_interval_away():
+    wv = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(0))), rate=1.0)
+    fit = gj.fit(wv, "WN + GM(variance=0 fixed)")
+    alone = gj.fit(wv, "WN").parameters()["WN", "sigma2"]
+    sigma2, beta = fit.parameters()["WN", "sigma2"], fit.parameters()["GM", "beta"]
+    assert sigma2.ci_high == pytest.approx(alone.ci_high, rel=1e-9, abs=0)
+    assert np.isnan(beta.value)
+    assert beta.note == "not identified"
+
+
+def test_an_interval_of_13_decades_is_none():
+    """An exact table of WN + RW and a model with two Gauss-Markov processes too many: no warning, no 0 .. inf."""
+    tau = 2.0 ** np.arange(1, 17)
+    nu = np.asarray(gj.parse_model("WN(sigma2=1) + RW(gamma2=1e-6)").wavelet_variance(tau))
+    wv = gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=2**18, rate=1.0)
+    fit = gj.fit(wv, "WN + RW + 2*GM")
+    for e in (*fit.parameters(), *fit.continuous(), *fit.datasheet()):
+        assert np.isnan(e.ci_low) or 0 < e.ci_low < e.ci_high < np.inf
+
+
 def test_without_the_length_of_the_record_there_are_no_intervals():
     tau = 2.0 ** np.arange(1, 9)
     wv = gj.WaveletVariance.from_table(tau, 1 / tau, 0.9 / tau, 1.2 / tau, rate=1.0)

@@ -140,6 +140,18 @@ def test_only_npz_is_saved(tmp_path, saved):
 # Text
 
 
+def test_a_tab_from_the_shell_and_what_is_no_delimiter(write):
+    file = write("a\tb\n1\t2\n3\t5\n6\t4\n")
+    assert read_recording(file, rate=1.0, units="1", delimiter="\\t").channels == ("a", "b")
+    with pytest.raises(ValueError, match="A delimiter is one character, and ', ' is not"):
+        read_recording(file, rate=1.0, units="1", delimiter=", ")
+
+
+def test_a_folder_is_no_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match="is a folder, not a file"):
+        read_recording(tmp_path, rate=1.0, units="1")
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", "   ", ", ", " ; "])
 @pytest.mark.parametrize(
     "head",
@@ -269,7 +281,9 @@ def test_bad_time(write, times, arguments, message):
         read_recording(write(timed(times)), units="1", time="t", **arguments)
 
 
-@pytest.mark.parametrize("name", ["t", "Time", "TIMESTAMP", "timestamps", "sec", "Seconds"])
+@pytest.mark.parametrize(
+    "name", ["t", "Time", "TIMESTAMP", "timestamps", "sec", "Seconds", "t_ms", "time_s", "timestamp_ns", "sys_time"]
+)
 def test_a_column_of_time_is_no_channel(write, name):
     file = write(timed(T).replace("t,", f"{name},", 1))
     with pytest.raises(ValueError, match=rf"'{name.lower()}' looks like time.*time=.*columns="):

@@ -213,8 +213,12 @@ def test_incomplete_models_are_refused(kind, key):
 
 @pytest.mark.parametrize("num_samples", [0, -3])
 def test_empty_records_are_refused(num_samples, key):
-    with pytest.raises(ValueError, match=f"at least one sample; num_samples is {num_samples}"):
+    with pytest.raises(ValueError, match="num_samples must be an integer of 1 or more"):
         simulate("WN(sigma2=1)", num_samples, key=key)
+
+
+def test_the_length_may_be_numpys_integer(key):
+    assert np.array_equal(simulate("WN(sigma2=1)", np.int64(10), key=key), simulate("WN(sigma2=1)", 10, key=key))
 
 
 @pytest.mark.parametrize("wrong", [0, None, np.array([0, 1], dtype=np.uint32)])

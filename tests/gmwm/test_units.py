@@ -405,3 +405,12 @@ def test_quantities_read_the_parameters_they_say(kind):
 def test_tables_are_of_si_signals(signal):
     with pytest.raises(ValueError, match=r"unit is one of rad/s, m/s\^2, 1"):
         continuous_table("WN(sigma2=1)", 1.0, signal)
+
+
+def test_conversions_check_what_they_get():
+    with pytest.raises(ValueError, match="Unknown process 'FOO'; there are WN, QN"):
+        to_continuous("FOO", (1.0,), 100.0)
+    with pytest.raises(ValueError, match="GM has 2 parameters, and 1 were given"):
+        from_continuous("GM", (1.0,), 100.0)
+    with jax.enable_x64(False), pytest.raises(RuntimeError, match="64-bit"):
+        to_continuous("AR1", (0.9, 1.0), 100.0)

@@ -299,6 +299,27 @@ def test_bad_options_name_their_fault():
         gj.wavelet_variance(gj.Recording.from_array(x, rate=1.0, units="1"), rate=5.0)
 
 
+def test_the_jax_path_takes_one_record():
+    """Two channels would be summed into one; single precision would stay single."""
+    x = np.random.default_rng(0).normal(size=(100, 2))
+    for function in (gj.haar_wavelet_variance, gj.haar_dwt_variance):
+        with pytest.raises(ValueError, match=r"shape \(N,\), and this one \(100, 2\): use jax.vmap"):
+            function(x)
+        assert function(jnp.asarray(x[:, 0], dtype=jnp.float32)).dtype == jnp.float64
+
+
+def test_a_bad_sample_is_named_with_its_channel():
+    x = np.random.default_rng(0).normal(size=(100, 3))
+    x[7, 2] = np.nan
+    for method in ("modwt", "dwt"):
+        with pytest.raises(ValueError, match=r"channel_2 holds 1 values that are NaN .* at index 7"):
+            gj.wavelet_variance(x, method=method)
+    with pytest.raises(ValueError, match="x are beyond floating point"):
+        gj.wavelet_variance(1e200 * x[:, 0])
+    with pytest.raises(ValueError, match=r"Block 1 has the shape .* complex128"):
+        gj.wavelet_variance(iter([x[:, 0], x[:, 0] * 1j]))
+
+
 TABLE = {"scales": [2, 4, 8], "variance": [3.0, 2.0, 1.0], "ci_low": [2.0, 1.0, 0.5], "ci_high": [4.0, 3.0, 2.0]}
 
 
@@ -311,6 +332,7 @@ TABLE = {"scales": [2, 4, 8], "variance": [3.0, 2.0, 1.0], "ci_low": [2.0, 1.0, 
         ({"variance": [3.0, np.nan, 1.0]}, "finite"),
         ({"variance": [3.0, 2.0]}, "equally long"),
         ({"ci_high": [4.0, 1.5, 2.0]}, "scale 4 does not hold"),
+        ({"ci_low": [2.0, 2.0, 0.5]}, "scale 4 does not hold"),
         ({"rate": 0.0}, "positive number of Hz"),
         ({"unit": "deg/s"}, r"rad/s, m/s\^2, 1, and is 'deg/s'"),
         ({"num_samples": 7}, "num_samples must be an integer of 8 or more, and is 7"),
