@@ -108,17 +108,15 @@ def sampling_rate(rate: object) -> float:
     return value
 
 
-def same_rate(a: float, b: float) -> bool:
-    """Are two rates one, within the 1 % by which clocks and columns of time are off?"""
-    return abs(a / b - 1) <= 0.01
-
-
 def agreed_rate(known: float | None, given: object) -> float | None:
-    """Return the rate that the caller gives, else the known one; raise where they contradict each other."""
+    """Return the rate that the caller gives, else the known one; raise where they contradict each other.
+
+    They may differ by 1e-6, by which a rate from a column of time misses a round number.
+    """
     if given is None:
         return known
     rate = sampling_rate(given)
-    if known is not None and not same_rate(known, rate):
+    if known is not None and abs(rate / known - 1) > 1e-6:
         raise ValueError(f"rate={given!r} was given, and the data have {known!r} Hz.")
     return rate
 

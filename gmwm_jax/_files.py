@@ -29,10 +29,10 @@ def write_atomically(path: str | os.PathLike, write: Callable[[IO[bytes]], Any])
     path = Path(path)
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder, and a file is to be written.")
-    path.parent.mkdir(parents=True, exist_ok=True)
     # opened by name, not by tempfile, whose files nobody else may read
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         file = temporary.open("xb")
     except OSError as error:
         raise OSError(f"{path} cannot be written: {error.strerror}.") from error

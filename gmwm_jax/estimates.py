@@ -168,8 +168,8 @@ def continuous_table(
     for label, p, form in zip(model.labels, model.processes, forms, strict=True):
         for i, q in enumerate((*form.filter, *form.datasheet)):
             at += 1
-            is_filter = i < len(form.filter)
-            if is_filter == datasheet and not (q.symbol == "tau_c" and not datasheet):
+            of_datasheet = i >= len(form.filter)
+            if of_datasheet != datasheet and q.symbol != "tau_c":  # the time stands in both
                 continue
             note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
             if _is_confused(spread, at, note):

@@ -23,6 +23,8 @@ from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
 _SIZE = 1e3
 """Largest entry of L' nu_hat as the search sees it, whatever the weights: its tolerances then mean the same always."""
 
+_BEYOND = "beyond floating point: take other units, or scale the data."
+
 
 def fit(
     data: WaveletVariance | Recording,
@@ -121,6 +123,8 @@ def _fit_channels(
     """Fit channels on the same scales, each with its weights, in one compiled call."""
     whiteners = np.stack([np.linalg.cholesky(o).T for o in omegas])
     whitened = np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))
+    if not np.all(np.isfinite(whitened)):
+        raise ValueError(f"Weights times wavelet variance are {_BEYOND}")
     unit = np.max(np.abs(whitened), axis=1) / _SIZE
 
     # components with a shape to search for come first, those of a kind together
@@ -154,9 +158,6 @@ def _fit_channels(
     fits = []
     for c, channel in enumerate(channels):
         solution = Solution(*(leaf[c] for leaf in solutions))
-        if not np.isfinite(solution.objective):  # nothing was found; the status says so, and no number looks like one
-            nothing = np.zeros(len(processes))
-            solution = solution._replace(coordinates=placements[0], amplitudes=nothing, objective=np.asarray(np.inf))
         fitted, at_boundary = _assemble(processes, order, layout, solution, tau_max)
         objective = float(solution.objective) * float(unit[c]) * float(unit[c])
         fits.append(
@@ -219,8 +220,8 @@ def _minimise_channels(
     return jax.vmap(one)(y, whitener)
 
 
-# Six channels of WN + RW + 3*GM on two cores: 2.7 s to compile and 0.15 s to run without XLA's optimising passes, 3.6 s
-# and 0.08 s with them. The passes pay where many channels are fitted at once.
+# Six channels of WN + RW + 3*GM on two cores: 2.8 s to compile and 0.19 s to run without XLA's optimising passes, 3.7 s
+# and 0.10 s with them. The passes pay where many channels are fitted at once.
 _FEW_CHANNELS = 8
 _compiled_quickly = jax.jit(
     _minimise_channels, static_argnums=0, compiler_options={"xla_backend_optimization_level": 0}
@@ -300,8 +301,7 @@ def _weights(omega: Any, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
             weights = 1 / (wv.ci_high - wv.ci_low) ** 2
         if not np.all(np.isfinite(weights) & (weights > 0)):
             raise ValueError(
-                f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of these widths are beyond "
-                "floating point: take other units, or scale the data."
+                f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of widths are {_BEYOND}"
             )
         return np.diag(weights)
     omega = np.asarray(omega, dtype=np.float64)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm_jax._check import same_rate, sampling_rate
+from gmwm_jax._check import sampling_rate
 from gmwm_jax._columns import Columns, plain_names
 from gmwm_jax._files import write_atomically
 from gmwm_jax._known_files import KNOWN_FILES, recognise
@@ -26,6 +26,7 @@ from gmwm_jax._typing import FloatLike, Names
 from gmwm_jax.recording import Recording
 
 _SAVED = ("data", "rate", "channels", "units", "name")
+_RATE_TOLERANCE = 0.01
 _TIME = re.compile(r"t(_(s|ms|us|ns))?|(.*_)?(time|timestamps?|sec|secs|seconds?)(_.*)?")
 """Names of columns of time: ``t``, ``time_s``, ``timestamp_ns``, ``sys_time`` ..."""
 
@@ -221,7 +222,7 @@ def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
         )
     (first, rate), *others = rates.items()
     for source, other in others:
-        if not same_rate(rate, other):
+        if abs(other / rate - 1) > _RATE_TOLERANCE:
             raise ValueError(f"Wrong rate (or time_unit): {first} says {rate:g} Hz, and {source} {other:g} Hz.")
     return rate
 

@@ -274,8 +274,6 @@ _GM_FILTER = (
 
 def _ar1_as_gm(quantity: Quantity) -> Quantity:
     def value(phi: Any, sigma2: Any, f: Any) -> Any:
-        if quantity.symbol == "N_0":  # the same, for phi < 0 too
-            return jnp.sqrt(sigma2 / f) / (1 - phi)
         return quantity.value(-jnp.log(phi), sigma2 / ((1 - phi) * (1 + phi)), f)
 
     return quantity._replace(value=value, reads=(0,) if quantity.suffix is None else (0, 1))
@@ -324,7 +322,11 @@ CONTINUOUS: dict[str, ContinuousForm] = {
     ),
     "AR1": ContinuousForm(
         filter=tuple(_ar1_as_gm(q) for q in _GM_FILTER),
-        datasheet=tuple(_ar1_as_gm(q) for q in _GM_DATASHEET),
+        datasheet=(
+            *(_ar1_as_gm(q) for q in _GM_DATASHEET[:-1]),
+            # the same without the logarithm, which phi < 0 has not
+            _GM_DATASHEET[-1]._replace(value=lambda phi, sigma2, f: jnp.sqrt(sigma2 / f) / (1 - phi)),
+        ),
         # sigma2 = variance (1 - phi^2), by expm1 since phi may be 1 - 1e-12
         inverse=lambda beta, q, f: (jnp.exp(-beta / f), -q / (2 * beta) * jnp.expm1(-2 * beta / f)),
     ),
