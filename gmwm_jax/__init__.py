@@ -38,6 +38,7 @@ from gmwm_jax.io import save_recording as save_recording
 from gmwm_jax.processes._base import AbstractProcess as AbstractProcess
 from gmwm_jax.processes._base import Composite as Composite
 from gmwm_jax.processes._parameter import Fixed as Fixed
+from gmwm_jax.processes._state_space import StateSpace as StateSpace
 from gmwm_jax.processes.drift import DR as DR
 from gmwm_jax.processes.gauss_markov import AR1 as AR1
 from gmwm_jax.processes.gauss_markov import GM as GM

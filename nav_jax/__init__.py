@@ -1,4 +1,70 @@
 """What the noise model of an inertial sensor does to navigation: strapdown INS/GNSS/baro Monte Carlo in JAX.
 
-The package is built on the noise models of `gmwm_jax` and starts with the release after this one.
+Conventions
+-----------
+Frames: n = local north, east, down; b = body front, right, down. C_nb and q_nb take b to n; quaternions are Hamilton's,
+scalar first, of unit length. Gyros measure the body rate in rad/s, accelerometers the specific force in m/s^2 (at rest,
+minus gravity). The Earth is flat and does not turn.
+
+Errors are estimate minus truth; the attitude error is the rotation vector of C_est C_true' in n. NEES is e' P^-1 e, its
+expectation the number of states; coverage is the share of runs in which it is below the chi-square quantile.
+
+Time is axis 0 of a record, components are the last axis, runs the outermost axis of a result. Inside the filter
+components come first and runs last. IMU sample k lasts from t_k to t_{k+1}: N samples span N + 1 epochs. Noise models
+are those of `gmwm_jax`, with parameters per sample at a stated rate. Everything is SI in 64-bit floats; the package
+never changes JAX's configuration: turn them on first, ``jax.config.update("jax_enable_x64", True)``.
+
+References
+----------
+Cucci, D. A., Voirol, L., Khaghani, M. & Guerrier, S. (2023). On performance evaluation of inertial navigation systems:
+the case of stochastic calibration. IEEE Trans. Instrum. Meas. 72.
+Groves, P. D. (2013). Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed.
+Sola, J. (2017). Quaternion kinematics for the error-state Kalman filter. arXiv:1711.02508.
+Bar-Shalom, Y., Li, X. R. & Kirubarajan, T. (2001). Estimation with Applications to Tracking and Navigation, ch. 5.
 """
+
+from nav_jax.comparison import Comparison as Comparison
+from nav_jax.earth import FlatEarth as FlatEarth
+from nav_jax.energy import energy_score as energy_score
+from nav_jax.experiment import Experiment as Experiment
+from nav_jax.experiment import draw_inputs as draw_inputs
+from nav_jax.experiment import gains_of as gains_of
+from nav_jax.experiment import prepare as prepare
+from nav_jax.experiment import run_filter as run_filter
+from nav_jax.experiment import run_keys as run_keys
+from nav_jax.initial import InitialUncertainty as InitialUncertainty
+from nav_jax.measurements._base import AbstractAiding as AbstractAiding
+from nav_jax.measurements.barometer import Barometer as Barometer
+from nav_jax.measurements.gnss_position import GnssPosition as GnssPosition
+from nav_jax.measurements.gnss_velocity import GnssVelocity as GnssVelocity
+from nav_jax.monte_carlo import compare as compare
+from nav_jax.monte_carlo import monte_carlo as monte_carlo
+from nav_jax.motions import circle as circle
+from nav_jax.motions import climb as climb
+from nav_jax.motions import from_path as from_path
+from nav_jax.motions import helix as helix
+from nav_jax.motions import lemniscate as lemniscate
+from nav_jax.motions import racetrack as racetrack
+from nav_jax.motions import static as static
+from nav_jax.motions import straight as straight
+from nav_jax.motions import waypoints as waypoints
+from nav_jax.navigate import Fixes as Fixes
+from nav_jax.navigate import Navigation as Navigation
+from nav_jax.navigate import navigate as navigate
+from nav_jax.noise import ImuErrors as ImuErrors
+from nav_jax.noise import RecordedErrors as RecordedErrors
+from nav_jax.ranking import Ranking as Ranking
+from nav_jax.runs import Runs as Runs
+from nav_jax.runs import Track as Track
+from nav_jax.sensors import Imu as Imu
+from nav_jax.sensors import NoisyReferenceWarning as NoisyReferenceWarning
+from nav_jax.sensors import perfect_imu as perfect_imu
+from nav_jax.statistics import coverage as coverage
+from nav_jax.statistics import mean_nees as mean_nees
+from nav_jax.statistics import mean_norm as mean_norm
+from nav_jax.statistics import paired as paired
+from nav_jax.statistics import rms as rms
+from nav_jax.status import Status as Status
+from nav_jax.trajectory import Trajectory as Trajectory
+from nav_jax.trajectory_io import read_trajectory as read_trajectory
+from nav_jax.trajectory_io import save_trajectory as save_trajectory

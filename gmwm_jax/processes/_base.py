@@ -22,6 +22,7 @@ from jaxtyping import Float
 from gmwm_jax._check import as_float, concrete, spans
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.processes._parameter import Fixed, Parameter
+from gmwm_jax.processes._state_space import StateSpace
 
 
 class AbstractProcess(eqx.Module):
@@ -130,6 +131,10 @@ class AbstractProcess(eqx.Module):
     @abc.abstractmethod
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:
         """Draw a record; started from stationarity where there is one, else from zero."""
+
+    @abc.abstractmethod
+    def state_space(self) -> StateSpace | None:
+        """The process as samples of a Markov chain plus white noise; None where it has no such form."""
 
     @staticmethod
     def amplitude_of(value: Any) -> Any:

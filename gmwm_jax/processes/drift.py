@@ -9,6 +9,7 @@ from jaxtyping import Float
 from gmwm_jax._typing import PRNGKey, Scalar
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes._parameter import Parameter
+from gmwm_jax.processes._state_space import StateSpace
 
 
 class DR(AbstractProcess):
@@ -61,3 +62,10 @@ class DR(AbstractProcess):
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
         self.require_complete()
         return self.values[0] * jnp.arange(1, num_samples + 1, dtype=jnp.float64)
+
+    def state_space(self) -> StateSpace:
+        """Value and slope. The sign of the slope is unknown: as a random variable it has mean 0, variance omega^2."""
+        self.require_complete()
+        transition = jnp.array([[1.0, 1.0], [0.0, 1.0]])
+        initial = self.amplitude * jnp.ones((2, 2))
+        return StateSpace(transition, jnp.zeros((2, 2)), jnp.array([1.0, 0.0]), initial, jnp.zeros(()))

@@ -37,6 +37,7 @@ from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes._haar import gap, second_differences
 from gmwm_jax.processes._parameter import Parameter
 from gmwm_jax.processes._recursion import first_order_recursion
+from gmwm_jax.processes._state_space import StateSpace, scalar_state
 
 # Beyond these the process is a random walk (beta tau -> 0) or white noise (phi -> 0) to all digits a fit can see.
 _SMALLEST_BETA_TAU = 1e-9
@@ -149,6 +150,11 @@ class GM(AbstractProcess):
         beta, variance = self.values
         return _simulate(jnp.exp(-beta), -jnp.expm1(-2 * beta), variance, num_samples, key)
 
+    def state_space(self) -> StateSpace:  # noqa: D102
+        self.require_complete()
+        beta, variance = self.values
+        return scalar_state(jnp.exp(-beta), -jnp.expm1(-2 * beta) * variance, variance)
+
 
 class AR1(AbstractProcess):
     """First-order autoregression, x_t = phi x_{t-1} + sigma e_t.
@@ -258,6 +264,11 @@ class AR1(AbstractProcess):
         phi, sigma2 = self.values
         remainder = (1 - phi) * (1 + phi)
         return _simulate(phi, remainder, sigma2 / remainder, num_samples, key)
+
+    def state_space(self) -> StateSpace:  # noqa: D102
+        self.require_complete()
+        phi, sigma2 = self.values
+        return scalar_state(phi, sigma2, sigma2 / ((1 - phi) * (1 + phi)))
 
 
 def _log_beta_nodes(tau_max: float, num: int) -> list[float]:

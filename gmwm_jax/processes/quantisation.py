@@ -11,6 +11,7 @@ from gmwm_jax._typing import PRNGKey, Scalar
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes._haar import second_differences, where_filters_overlap
 from gmwm_jax.processes._parameter import Parameter
+from gmwm_jax.processes._state_space import StateSpace
 
 
 class QN(AbstractProcess):
@@ -59,3 +60,8 @@ class QN(AbstractProcess):
         self.require_complete()
         rounding = jax.random.uniform(key, (num_samples + 1,), dtype=jnp.float64)
         return jnp.sqrt(12 * self.amplitude) * (rounding[1:] - rounding[:-1])
+
+    def state_space(self) -> StateSpace | None:
+        """None: its increments share the rounding error Y_t, which is neither white nor a state with white readout."""
+        self.require_complete()
+        return None

@@ -12,6 +12,7 @@ from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes._haar import second_differences, where_filters_overlap
 from gmwm_jax.processes._parameter import Parameter
 from gmwm_jax.processes._recursion import first_order_recursion
+from gmwm_jax.processes._state_space import StateSpace, scalar_state
 
 
 class RW(AbstractProcess):
@@ -52,3 +53,7 @@ class RW(AbstractProcess):
         self.require_complete()
         steps = jnp.sqrt(self.amplitude) * jax.random.normal(key, (num_samples,), dtype=jnp.float64)
         return first_order_recursion(jnp.ones(()), steps)
+
+    def state_space(self) -> StateSpace:  # noqa: D102
+        self.require_complete()
+        return scalar_state(jnp.ones(()), self.amplitude, self.amplitude)

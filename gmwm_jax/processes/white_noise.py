@@ -11,6 +11,7 @@ from gmwm_jax._typing import PRNGKey, Scalar
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes._haar import second_differences, where_filters_overlap
 from gmwm_jax.processes._parameter import Parameter
+from gmwm_jax.processes._state_space import StateSpace, no_state
 
 
 class WN(AbstractProcess):
@@ -54,3 +55,7 @@ class WN(AbstractProcess):
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
         self.require_complete()
         return jnp.sqrt(self.amplitude) * jax.random.normal(key, (num_samples,), dtype=jnp.float64)
+
+    def state_space(self) -> StateSpace:  # noqa: D102
+        self.require_complete()
+        return no_state(self.amplitude)

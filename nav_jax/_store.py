@@ -1,0 +1,178 @@
+"""Results on disk: an xarray Dataset as a Zarr folder or a netCDF file, there whole or not at all.
+
+What was written is checked by sums when it is read: Zarr takes a chunk that is missing for one full of NaN, and a
+result with holes looks like one with failed runs.
+"""
+
+import importlib
+import json
+import os
+import secrets
+import shutil
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+
+FORMAT = 1
+"""Of the file. Raised when a reader of the former one would misunderstand it."""
+
+_ENGINES = {".zarr": ("zarr", ("zarr",)), ".nc": ("h5netcdf", ("h5netcdf", "h5py"))}
+"""Ending -> xarray's engine, and the packages that it needs."""
+
+
+def import_xarray(*also: str) -> Any:
+    """Import xarray, or raise an ImportError that says how to install it.
+
+    Parameters
+    ----------
+    also
+        Other modules that will be needed.
+    """
+    for name in ("xarray", *also):
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            raise ImportError(f'This needs the package {name}: pip install "gmwm-jax[io]"') from error
+    return importlib.import_module("xarray")
+
+
+def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
+    """Write beside `path`, then rename to it: a former result is replaced by a whole new one, or stays.
+
+    Parameters
+    ----------
+    dataset
+        With the attribute ``kind``, by which `read_dataset` knows it.
+    path
+        A folder ``*.zarr`` or a file ``*.nc``; what leads there is made.
+
+    Returns
+    -------
+    `path`.
+
+    Raises
+    ------
+    ValueError
+        Another ending.
+    FileExistsError
+        There is something at `path` that is no result of this kind of file.
+    """
+    path = Path(path)
+    engine = _engine(path)
+    _replaceable(path, engine)
+    sums = {str(name): _checksum(variable.values) for name, variable in dataset.variables.items()}
+    marked = dataset.assign_attrs(format=FORMAT, checksums=json.dumps(sums))
+    # no value stands for "missing": reading it back as NaN would lose the bits that the sums are about
+    encoding = {name: {"_FillValue": None} for name, v in marked.variables.items() if v.dtype.kind == "f"}
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        if engine == "zarr":
+            marked.to_zarr(temporary, mode="w-", zarr_format=2, consolidated=True, encoding=encoding)
+            _swap(temporary, path)
+        else:
+            marked.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
+            os.replace(temporary, path)
+    finally:
+        _remove(temporary)
+    return path
+
+
+def read_dataset(path: str | os.PathLike, kind: str) -> "xarray.Dataset":
+    """Read and check what `write_dataset` wrote, or xarray itself from the same Dataset.
+
+    Parameters
+    ----------
+    path
+        A folder ``*.zarr`` or a file ``*.nc``.
+    kind
+        The attribute ``kind`` that it must have.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is nothing.
+    ValueError
+        It is corrupt, cut off, of another program or of another kind.
+    """
+    path = Path(path)
+    engine = _engine(path)
+    xarray = import_xarray(*_ENGINES[path.suffix.lower()][1])
+    if not path.exists():
+        raise FileNotFoundError(f"There is no {path.resolve()}.")
+    try:
+        found = xarray.load_dataset(path, engine=engine, decode_times=False)
+    except Exception as error:  # of HDF5, Zarr, its codecs and JSON there are too many kinds to name
+        raise ValueError(
+            f"{path} cannot be read as {engine}: it is corrupt, cut off or something else ({error})."
+        ) from error
+    seen = found.attrs.get("kind")
+    if seen != kind:
+        of = "nothing of nav_jax" if seen is None else f"{seen!r}"
+        raise ValueError(
+            f"{path} holds {of}, and {kind!r} is wanted. It has {', '.join(map(str, found)) or 'no data'}."
+        )
+    if int(found.attrs.get("format", FORMAT)) > FORMAT:
+        raise ValueError(f"{path} was written by a newer nav_jax (format {found.attrs['format']}, known is {FORMAT}).")
+    sums = json.loads(found.attrs.pop("checksums", "{}"))
+    if missing := set(sums) - set(map(str, found.variables)):
+        raise ValueError(f"{path} is not whole: {', '.join(sorted(missing))} is missing.")
+    for name, expected in sums.items():
+        if _checksum(found[name].values) != expected:
+            raise ValueError(f"{path} is corrupt: {name} is not what was written. A part may be missing or changed.")
+    return found
+
+
+def _engine(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in _ENGINES:
+        raise ValueError(f"Results are .zarr folders or .nc files, and the path is {path}.")
+    engine, packages = _ENGINES[suffix]
+    import_xarray(*packages)
+    return engine
+
+
+def _checksum(values: np.ndarray) -> int:
+    if values.dtype.kind in "OUT":
+        return zlib.crc32("\0".join(map(str, values.ravel())).encode())
+    return zlib.crc32(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
+
+
+def _replaceable(path: Path, engine: str) -> None:
+    """Raise if `path` is there and is no result: a wrong path must not cost anybody their data."""
+    if not path.exists():
+        return
+    if engine == "zarr":
+        is_store = path.is_dir() and any((path / mark).exists() for mark in (".zgroup", "zarr.json"))
+        known = is_store or (path.is_dir() and not any(path.iterdir()))
+    else:
+        known = path.is_file()
+    if not known:
+        raise FileExistsError(f"{path} is there and is no {path.suffix} result: it stays. Choose another path.")
+
+
+def _swap(new: Path, path: Path) -> None:
+    """Rename a folder over another one, which rename alone does not do."""
+    old = path.with_name(f".{path.name}.{secrets.token_hex(4)}.old")
+    had = path.exists()
+    if had:
+        path.rename(old)
+    try:
+        new.rename(path)
+    except OSError:
+        if had:
+            old.rename(path)
+        raise
+    _remove(old)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

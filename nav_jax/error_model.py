@@ -1,0 +1,95 @@
+r"""How a navigation error grows over one covariance step, and the covariance with it.
+
+Errors are estimate minus truth, psi the rotation vector of C_est C_true' in n. With the error delta_f, delta_w of the
+compensated sensors (Groves 2013, sec. 14.2, on a flat Earth that does not turn):
+
+    psi' = C delta_w,   v' = -[f_n x] psi + C delta_f,   p' = v.
+
+Over a step of length T, from the mechanised state itself: S_1 = int f_n = v(T) - v(0) - g T, S_2 = int int f_n =
+p(T) - p(0) - v(0) T - g T^2/2, hence int f_n s ds = T S_1 - S_2, and Cm the mean of C. The sums run over every sample
+of the step, so a step of many samples forgets none of them. The compensated error is y = -(E x + noise), integrated
+over the step, where x is the error of the sensor states, and
+
+    psi += Cm y_g,   v += -[S_1 x] psi + Cm y_a - [L x] Cm y_g,   p += T v - [S_2 x] psi + T/2 Cm y_a - T/3 [L x] Cm y_g
+
+with L = (T S_1 - S_2)/T. This is the transition to second order in the rotation within the step and to the second
+integral of the sensor errors; E, the integral of a Markov state over the step, is exact (`sensor_bank`).
+
+Covariance blocks: N (navigation, 9 x 9), S (navigation with sensor states), B (sensor states); runs are the last axis.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from nav_jax.linalg import matmul3, transpose
+from nav_jax.rotation import cross
+from nav_jax.sensor_bank import StepNoise
+
+
+class Covariance(NamedTuple):
+    """The covariance of the error state in blocks; the lower left one is the transpose of S."""
+
+    navigation: Float[Array, "9 9 R"]
+    mixed: Float[Array, "9 M R"]
+    sensors: Float[Array, "M M R"]
+
+
+class Motion(NamedTuple):
+    """What a covariance step needs to know of the motion: see the head of this file."""
+
+    C_mean: Float[Array, "3 3 R"]
+    S_1: Float[Array, "3 R"]
+    S_2: Float[Array, "3 R"]
+
+
+def full(P: Covariance) -> Float[Array, "n n R"]:
+    """The covariance as one matrix."""
+    top = jnp.concatenate([P.navigation, P.mixed], axis=1)
+    return jnp.concatenate([top, jnp.concatenate([transpose(P.mixed), P.sensors], axis=1)], axis=0)
+
+
+def blocks(P: Float[Array, "n n R"]) -> Covariance:
+    """Inverse of `full`."""
+    return Covariance(P[:9, :9], P[:9, 9:], P[9:, 9:])
+
+
+def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
+    """Phi P Phi' + Q over one covariance step."""
+    T = noise.duration
+    C, S_1, S_2 = motion
+    lever = S_1 - S_2 * noise.inverse_duration
+
+    def A(X: Array) -> Array:
+        """Navigation errors to navigation errors; X (9, K, R)."""
+        p, v, psi = X[:3], X[3:6], X[6:]
+        return jnp.concatenate([p + T * v - cross(S_2[:, None], psi), v - cross(S_1[:, None], psi), psi])
+
+    def G(y: Array) -> Array:
+        """Integrated sensor errors of the six channels to navigation errors; y (6, K, R)."""
+        a, g = matmul3(C, y[:3]), matmul3(C, y[3:])
+        turned = cross(lever[:, None], g)
+        return jnp.concatenate([T / 3 * turned - T / 2 * a, turned - a, -g])
+
+    def H(X: Array) -> Array:
+        """Sensor states to navigation errors; X (M, K, R)."""
+        return G(noise.integrate(X))
+
+    # C diag(r) C' of the noise in y; half of it enters before the step, half after (Strang), which is exact in v and
+    # psi and to T^2 in what they do to each other and to p
+    half_a, half_g = (
+        matmul3(C * r[None, :, None], transpose(C)) / 2 for r in (noise.integrated[:3], noise.integrated[3:])
+    )
+
+    def add_half(N: Array) -> Array:
+        return N.at[3:6, 3:6].add(half_a).at[6:9, 6:9].add(half_g)
+
+    # [A H] [N S; S' B] = [W U], and from the right with [A H]'
+    W, U = A(add_half(P.navigation)) + H(transpose(P.mixed)), A(P.mixed) + H(P.sensors)
+    N = add_half(transpose(A(transpose(W)) + H(transpose(U))))
+    S = noise.carry(U)
+    if noise.several:
+        N = N.at[:3, :3].add(2 * noise.second_integral * half_a)
+        S = S + G(noise.cross[:, :, None])
+    return Covariance(N, S, noise.advance(P.sensors))

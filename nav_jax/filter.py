@@ -1,0 +1,227 @@
+"""The time loop: over segments that end with an update or an output, and over the covariance steps inside.
+
+`run_estimate`: every run has its own covariance, about its own estimate (an EKF). `run_reference`: one covariance along
+the reference, whose gains all runs share; to first order in the errors the same filter, at a fraction of the cost.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Int
+
+from nav_jax.ekf import NavState, Update, correction, inject, mechanise, mechanise_with_motion, update
+from nav_jax.error_model import blocks, full, propagate
+from nav_jax.judge import Claim, Judgement, Truth, claim, judge
+from nav_jax.measurements._base import AbstractAiding
+from nav_jax.sensor_bank import SensorBank, step_noise
+from nav_jax.status import Status
+
+
+class Timeline(eqx.Module):
+    """A run's schedule and what all runs share, as arrays; M segments of G steps of n pieces."""
+
+    imu: Float[Array, "M G n 6"]
+    """Perfect sensors."""
+    pattern: Int[Array, "M G"]
+    dt: Float[Array, "U n"]
+    ends: Float[Array, "U n"]
+    truth: Truth
+    """At the end of each segment."""
+    valid: Float[Array, "M K"]
+    """1 where a scalar is measured at the end of a segment."""
+    g_n: Float[Array, "3 1"]
+
+
+class Inputs(NamedTuple):
+    """What R runs are given."""
+
+    start: NavState
+    errors: Float[Array, "M G n 6 R"]
+    """Added to the perfect sensors."""
+    lasting: Float[Array, "M 6 R"]
+    """The part of the errors that states can hold, at the end of each segment."""
+    z: Float[Array, "M K R"]
+    """Measurements; anything where there are none."""
+
+
+class Outcome(NamedTuple):
+    """What comes out, at the end of each of the M segments."""
+
+    judgement: Judgement
+    innovation: Float[Array, "M K R"]
+    variance: Float[Array, "M K Q"]
+    """Of the innovations."""
+    status: Int[Array, " R"]
+    state: NavState
+    """The estimate."""
+    trace: Any
+    """The estimate after each covariance step, or None."""
+
+
+class Gains(NamedTuple):
+    """What all runs share with `run_reference`, at the end of each of the M segments."""
+
+    update: Update
+    claim: Claim
+
+
+Sensors = tuple[AbstractAiding, ...]
+
+
+def run_estimate(
+    timeline: Timeline,
+    bank: SensorBank,
+    sensors: Sensors,
+    inputs: Inputs,
+    P_start: Float[Array, "n n"],
+    *,
+    trace: bool = False,
+) -> Outcome:
+    """Run R filters, each with a covariance about its own estimate.
+
+    Parameters
+    ----------
+    timeline
+        The schedule and the reference.
+    bank
+        What the filters believe of the sensor errors.
+    sensors
+        Aiding sensors, K scalars in all.
+    inputs
+        Of the R runs.
+    P_start
+        Covariance of the error state at the start.
+    trace
+        Keep the estimate after every covariance step.
+    """
+    H, variance = _stacked(sensors)
+    kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
+
+    def step(carry, given):
+        state, P, status = carry
+        kind, imu, errors = given
+        sensed = imu[:, :, None] + errors
+        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n)
+        P = propagate(P, motion, jax.tree.map(lambda a: a[kind], kinds))
+        return (state, P, status), state if trace else None
+
+    def event(carry, given):
+        state, P, status = carry
+        at, z, lasting = given
+        whole, done = update(full(P), H, variance, at.valid)
+        c, innovation = correction(done.gain, z - _predict(sensors, state), H)
+        state, P = inject(state, c), blocks(whole)
+        status = jnp.where(status == Status.ok, _check(state, whole), status)
+        judgement = judge(state, claim(P, bank), bank, at.truth, lasting)
+        return (state, P, status), (judgement, innovation, done.variance, state)
+
+    num_runs = inputs.start.p.shape[1]
+    P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
+    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32))
+    steps = (timeline.pattern, timeline.imu, inputs.errors)
+    events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.lasting)
+    (_, _, status), (kept, (judgement, innovation, variance_of, states)) = _time_loop(step, event, start, steps, events)
+    return Outcome(judgement, innovation, variance_of, status, states, kept)
+
+
+def reference_gains(
+    timeline: Timeline, bank: SensorBank, sensors: Sensors, start: NavState, P_start: Float[Array, "n n"]
+) -> Gains:
+    """Covariance and gains along the reference, for `run_reference`.
+
+    Parameters
+    ----------
+    timeline, bank, sensors, P_start
+        As in `run_estimate`.
+    start
+        The reference at the start, one run, with sensor states of zero.
+    """
+    H, variance = _stacked(sensors)
+    kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
+
+    def step(carry, given):
+        state, P = carry
+        kind, imu = given
+        state, motion = mechanise_with_motion(
+            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n
+        )
+        return (state, propagate(P, motion, jax.tree.map(lambda a: a[kind], kinds))), None
+
+    def event(carry, at):
+        state, P = carry
+        whole, done = update(full(P), H, variance, at.valid)
+        P = blocks(whole)
+        return (state, P), Gains(done, claim(P, bank))
+
+    carry = (start, blocks(P_start[:, :, None]))
+    events = _Event(timeline.truth, timeline.valid)
+    return _time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
+
+
+def run_reference(
+    timeline: Timeline, bank: SensorBank, sensors: Sensors, inputs: Inputs, gains: Gains, *, trace: bool = False
+) -> Outcome:
+    """Run R filters with gains that were computed along the reference; parameters as in `run_estimate`."""
+    H, _ = _stacked(sensors)
+
+    def step(carry, given):
+        state, status = carry
+        kind, imu, errors = given
+        sensed = imu[:, :, None] + errors
+        state = mechanise(state, sensed, timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n)
+        return (state, status), state if trace else None
+
+    def event(carry, given):
+        state, status = carry
+        at, known, z, lasting = given
+        c, innovation = correction(known.update.gain, z - _predict(sensors, state), H)
+        state = inject(state, c)
+        status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
+        return (state, status), (judge(state, known.claim, bank, at.truth, lasting), innovation, state)
+
+    start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32))
+    steps = (timeline.pattern, timeline.imu, inputs.errors)
+    events = (_Event(timeline.truth, timeline.valid), gains, inputs.z, inputs.lasting)
+    (_, status), (kept, (judgement, innovation, states)) = _time_loop(step, event, start, steps, events)
+    return Outcome(judgement, innovation, gains.update.variance, status, states, kept)
+
+
+class _Event(NamedTuple):
+    truth: Truth
+    valid: Float[Array, "M K"]
+
+
+def _time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
+    """Both loops. Reverse mode keeps the carry of each segment only, and goes through a segment twice."""
+
+    def segment(carry, given):
+        steps, at = given
+        carry, kept = jax.lax.scan(step, carry, steps)
+        carry, out = event(carry, at)
+        return carry, (kept, out)
+
+    return jax.lax.scan(jax.checkpoint(segment, prevent_cse=False), carry, (steps, events))
+
+
+def _stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+    none = [jnp.zeros((0, 9))], [jnp.zeros(0)]
+    H = jnp.concatenate(none[0] + [s.jacobian() for s in sensors])
+    return H, jnp.concatenate(none[1] + [s.believed**2 for s in sensors])
+
+
+def _predict(sensors: Sensors, state: NavState) -> Float[Array, "K R"]:
+    none = jnp.zeros((0, state.p.shape[1]))
+    return jnp.concatenate([none, *(s.predict(state.p, state.v) for s in sensors)])
+
+
+def _check(state: NavState, P: Float[Array, "n n Q"]) -> Int[Array, " R"]:
+    """Status of each run at an event."""
+    sums = sum(jnp.sum(a, axis=0) for a in state)
+    variances = jnp.stack([P[i, i] for i in range(P.shape[0])])
+    finite = jnp.isfinite(sums + jnp.sum(variances, axis=0))
+    positive = jnp.all(variances >= 0, axis=0)
+    bad = jnp.where(finite & positive, int(Status.ok), int(Status.not_positive))
+    return jnp.where(finite, bad, int(Status.non_finite)).astype(jnp.int32)

@@ -1,0 +1,61 @@
+"""Small matrices with runs as the last axis: every operation is elementwise over runs and compiles to vector code.
+
+At 24 states and hundreds of runs the time goes into 3 x 3 blocks. Calls of LAPACK for each of them, or batched matrix
+products, cost several times the arithmetic; sums of three products do not.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def matmul3(C: Float[Array, "3 3 *R"], X: Float[Array, "3 K *R"]) -> Float[Array, "3 K *R"]:
+    """C X for a 3 x 3 matrix C."""
+    return C[:, 0, None] * X[None, 0] + C[:, 1, None] * X[None, 1] + C[:, 2, None] * X[None, 2]
+
+
+def transpose(X: Float[Array, "J K *R"]) -> Float[Array, "K J *R"]:
+    """The transposed matrix of every run."""
+    return jnp.swapaxes(X, 0, 1)
+
+
+def symmetrise(P: Float[Array, "K K *R"]) -> Float[Array, "K K *R"]:
+    """(P + P')/2, which rounding keeps from being P."""
+    return (P + transpose(P)) / 2
+
+
+def whiten(P: Float[Array, "K K Q"], e: Float[Array, "K R"]) -> Float[Array, "K R"]:
+    """Y with y_i^2 summing to e' P^-1 e, each y_i depending on the first i components only.
+
+    y = D^(-1/2) L^-1 e with P = L D L', so the sum over the first k is the form of the leading k x k block. Q is R, or 1
+    for a matrix that all runs share. NaN from the first pivot on that is not positive: P is singular there.
+    """
+    size = P.shape[0]
+    y: list[Array] = []
+    for k in range(size):
+        pivot = P[k, k]
+        good = pivot > 0
+        safe = jnp.where(good, pivot, 1.0)
+        y.append(jnp.where(good, e[k] / jnp.sqrt(safe), jnp.nan))
+        column = P[k + 1 :, k] / safe[None]
+        e = e.at[k + 1 :].add(-column * e[None, k])
+        P = P.at[k + 1 :, k + 1 :].add(-column[:, None] * P[None, k, k + 1 :])
+    return jnp.stack(y)
+
+
+def factor(P: Float[Array, "K K"]) -> Float[Array, "K K"]:
+    """Lower triangular L with L L' = P for a positive semi-definite P; a zero pivot gives a zero column.
+
+    Unlike a library's Cholesky it takes singular matrices (a state known exactly, two that are one) and has finite
+    derivatives there.
+    """
+    size = P.shape[0]
+    columns = []
+    for k in range(size):
+        pivot = P[k, k]
+        positive = pivot > 0
+        safe = jnp.where(positive, pivot, 1.0)
+        column = jnp.where(positive, P[:, k] / jnp.sqrt(safe), 0.0)
+        columns.append(column)
+        P = P - column[:, None] * column[None, :]
+        P = P.at[k].set(0.0).at[:, k].set(0.0)
+    return jnp.stack(columns, axis=1) if columns else P

@@ -1,0 +1,1 @@
+"""Aiding sensors, one a file: what they measure, how well, and when."""

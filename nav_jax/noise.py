@@ -1,0 +1,309 @@
+"""The bridge from the noise models of gmwm_jax to a filter and an emulation: the only file that sees gmwm_jax.
+
+An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model of its own. What a process is to a
+filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR two:
+value and slope), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not grow: a
+filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that is.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Key
+
+from gmwm_jax import WN, Composite, StateSpace, parse_model, simulate, units
+from nav_jax._check import as_float, concrete, positive, real_array, sampling_rate
+from nav_jax.layout import CHANNELS, SensorState
+from nav_jax.sensor_bank import SensorBank
+
+
+class ImuErrors(eqx.Module):
+    """Noise of the six channels of an IMU: what is emulated, or what a filter believes.
+
+    Parameters
+    ----------
+    accel, gyro
+        A model for all three axes, or three of them (a sequence, or a mapping with the keys x, y, z). A model is one of
+        gmwm_jax (a process, a sum, a text, parameters per sample in SI) or a fit of it.
+    rate
+        Sampling rate in Hz that the parameters belong to. Fits know theirs, models do not.
+    accel_bias_sd, gyro_bias_sd
+        Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three.
+    start
+        ``stationary``: every process starts from its stationary distribution, if it has one (a random walk starts with
+        its first step). ``zero``: all states start at zero and are known to, as in R's navigation.
+
+    Raises
+    ------
+    ValueError
+        No rate or a contradicting one, a parameter without value, a negative variance, an unknown sensor or axis.
+
+    Notes
+    -----
+    A drift DR(omega) has a known size but no known sign: its slope is drawn from N(0, omega^2), which is also what a
+    filter assumes.
+    """
+
+    models: tuple[Composite, ...]
+    """Of the channels, in the order of `nav_jax.layout.CHANNELS`; None-free, zero components left out."""
+    bias_sd: Float[Array, "6"]
+    biased: tuple[int, ...] = eqx.field(static=True)
+    """Channels with a turn-on bias."""
+    rate: float = eqx.field(static=True)
+    start: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        accel: Any,
+        gyro: Any,
+        rate: float | None = None,
+        *,
+        accel_bias_sd: Any = 0.0,
+        gyro_bias_sd: Any = 0.0,
+        start: str = "stationary",
+    ):
+        given = [*_per_axis("accel", accel), *_per_axis("gyro", gyro)]
+        rates = {float(r) for r in (getattr(m, "rate", None) for m in given) if r is not None}
+        if rate is not None:
+            rates.add(sampling_rate(rate))
+        if not rates:
+            raise ValueError("The rate of the models is missing: give rate=... in Hz. It is never guessed.")
+        if max(rates) / min(rates) > 1 + 1e-6:
+            seen = ", ".join(f"{r:g}" for r in sorted(rates))
+            raise ValueError(f"The models belong to different rates ({seen} Hz): convert with at_rate() first.")
+        if start not in ("stationary", "zero"):
+            raise ValueError(f'start is "stationary" or "zero", and is {start!r}.')
+        self.models = tuple(as_model(m, channel) for m, channel in zip(given, CHANNELS, strict=True))
+        self.bias_sd = jnp.concatenate([_three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd)])
+        seen = concrete(self.bias_sd)
+        self.biased = tuple(range(len(CHANNELS))) if seen is None else tuple(int(i) for i in np.flatnonzero(seen))
+        self.rate = rates.pop()
+        self.start = start
+
+    def at_rate(self, rate: float) -> "ImuErrors":
+        """The same physical noise, that is the same continuous-time densities, sampled at another rate.
+
+        Raises
+        ------
+        ValueError
+            An AR1 with phi <= 0 has no continuous-time form.
+        """
+        rate = sampling_rate(rate)
+        models = [_at_rate(m, self.rate, rate) for m in self.models]
+        return ImuErrors(
+            models[:3],
+            models[3:],
+            rate,
+            accel_bias_sd=self.bias_sd[:3],
+            gyro_bias_sd=self.bias_sd[3:],
+            start=self.start,
+        )
+
+    def bank(self) -> SensorBank:
+        """The states of a filter, or of an emulation, that knows this model."""
+        forms: list[tuple[SensorState, StateSpace]] = []
+        white = [jnp.zeros(())] * len(CHANNELS)
+        for channel, model in enumerate(self.models):
+            for label, process in zip(model.labels, model.processes, strict=True):
+                form = process.state_space()
+                if form is None:
+                    continue
+                white[channel] = white[channel] + form.white
+                if len(form.readout):
+                    forms.append((SensorState(channel, label), form))
+            if channel in self.biased:
+                one, zero = jnp.ones((1, 1)), jnp.zeros((1, 1))
+                start = self.bias_sd[channel] ** 2 * one
+                forms.append((SensorState(channel, "bias"), StateSpace(one, zero, jnp.ones(1), start, zero[0, 0])))
+        from_zero = self.start == "zero"
+        initial = [f.initial if s.label == "bias" or not from_zero else 0 * f.initial for s, f in forms]
+        # DR has two states: the value and its slope
+        states = tuple(
+            s if i == 0 else SensorState(s.channel, f"{s.label} slope") for s, f in forms for i in range(len(f.readout))
+        )
+        return SensorBank(
+            transition=_block_diagonal([f.transition for _, f in forms]),
+            driving=_block_diagonal([f.driving for _, f in forms]),
+            readout=jnp.concatenate([jnp.zeros(0), *(f.readout for _, f in forms)]),
+            initial=_block_diagonal(initial),
+            white=jnp.stack(white),
+            rate=as_float(self.rate),
+            states=states,
+            diagonal=all(len(f.readout) == 1 for _, f in forms),
+        )
+
+    def draw_stateless(self, channel: int, num_samples: int, key: Key[Array, ""]) -> Float[Array, " N"] | None:
+        """Draw the sum of the processes of a channel that have no state (quantisation noise); None if there are none."""
+        rest = [p for p in self.models[channel].processes if p.state_space() is None]
+        return simulate(Composite(rest), num_samples, key=key) if rest else None
+
+    def notes(self) -> tuple[str, ...]:
+        """What a filter that believes this model leaves out, in a sentence each."""
+        notes = []
+        for channel, model in zip(CHANNELS, self.models, strict=True):
+            for process in model.processes:
+                if process.state_space() is None and (q2 := concrete(process.amplitude)) is not None:
+                    unit = "m/s" if channel.startswith("accel") else "rad"
+                    notes.append(
+                        f"{process.kind} of {channel} has no state and is left out of the filter; its integral is "
+                        f"bounded, with a standard deviation of {np.sqrt(2 * q2) / self.rate:.3g} {unit}."
+                    )
+        return tuple(notes)
+
+    def __repr__(self) -> str:
+        lines = [f"ImuErrors at {self.rate:g} Hz, started from {self.start.replace('stationary', 'stationarity')}"]
+        for sensor, unit, at in (("accel", "m/s^2", 0), ("gyro", "rad/s", 3)):
+            texts = [repr(m) for m in self.models[at : at + 3]]
+            if len(set(texts)) == 1:
+                lines.append(f"  {sensor} x, y, z [{unit}]: {texts[0]}")
+            else:
+                lines += [f"  {sensor} {axis} [{unit}]: {text}" for axis, text in zip("xyz", texts, strict=True)]
+        sd = concrete(self.bias_sd)
+        if sd is not None and sd.any():
+            lines.append(f"  turn-on bias, sd: accel {sd[:3]} m/s^2, gyro {sd[3:]} rad/s")
+        return "\n".join(lines)
+
+
+class RecordedErrors:
+    """Errors of a static recording: every run takes a slice of it, the six channels together.
+
+    Parameters
+    ----------
+    accel, gyro
+        The errors (N, 3) in m/s^2 and rad/s at a sampling rate: a static recording, whose mean over the whole record is
+        taken off, since gravity, Earth rate and bias are in it.
+    rate
+        Hz.
+
+    Raises
+    ------
+    ValueError
+        NaN, wrong shapes, records of different length.
+
+    Notes
+    -----
+    Slices of a short record overlap: runs are then not independent, and the intervals of statistics too short. Nobody
+    knows the true states behind a recording, so nothing is said about the filter's sensor states.
+    """
+
+    def __init__(self, accel: Any, gyro: Any, rate: float):
+        both = [real_array("accel", accel, (None, 3)), real_array("gyro", gyro, (None, 3))]
+        if len(both[0]) != len(both[1]):
+            raise ValueError(f"accel has {len(both[0])} samples and gyro {len(both[1])}: give both of one recording.")
+        record = np.concatenate(both, axis=1)
+        self.record = record - record.mean(axis=0)
+        self.rate = sampling_rate(rate)
+
+
+def as_model(model: Any, what: str) -> Composite:
+    """Return a complete composite from a process, sum, text or fit, without its components of amplitude zero.
+
+    Raises
+    ------
+    ValueError
+        It is none of these, or has a parameter without value.
+    """
+    model = getattr(model, "model", model)
+    if isinstance(model, str):
+        model = parse_model(model)
+    elif not isinstance(model, Composite):
+        try:
+            model = Composite((model,))
+        except TypeError as error:
+            raise ValueError(
+                f"{what}: a noise model is wanted (of gmwm_jax, or a fit), and this is {model!r}."
+            ) from error
+    for process in model.processes:
+        process.require_complete()
+    # a component that a fit has put to zero is no state: its variance would be singular
+    kept = [p for p in model.processes if (a := concrete(p.amplitude)) is None or a > 0]
+    return Composite(kept or model.processes[:1])
+
+
+NoiseModel = Composite
+"""The noise of one axis of a sensor; no other file needs to know whose class it is."""
+
+
+def axis_noise(given: Any, what: str) -> NoiseModel:
+    """Return the noise of one axis: white with a standard deviation if it is a number, else a model.
+
+    Raises
+    ------
+    ValueError
+        A standard deviation that is not positive, or no model.
+    """
+    if isinstance(given, int | float | np.ndarray | np.number | Array):
+        positive(f"{what}: a standard deviation", given)
+        return Composite((WN(as_float(given) ** 2),))
+    return as_model(given, what)
+
+
+def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[Array, "N R"]:
+    """Draw a short record of a model for each key, as of an aiding sensor."""
+    return jax.vmap(lambda key: simulate(model, num_samples, key=key), out_axes=1)(keys)
+
+
+def white_sd(model: NoiseModel) -> Float[Array, ""]:
+    """Standard deviation of a sample of a model: what a filter that takes it as white noise should believe.
+
+    Raises
+    ------
+    ValueError
+        The model has none that lasts (a random walk, a drift).
+    """
+    variance = jnp.zeros(())
+    for process in model.processes:
+        try:
+            variance = variance + process.autocovariance(jnp.zeros(1))[0]
+        except ValueError as error:
+            raise ValueError(
+                f"{process.kind} has no constant variance that a filter could take as white: state the standard "
+                "deviation that the filter believes."
+            ) from error
+    return jnp.sqrt(variance)
+
+
+def _per_axis(sensor: str, given: Any) -> list[Any]:
+    if isinstance(given, Mapping) and not hasattr(given, "fits"):
+        unknown = sorted(set(given) - set("xyz"))
+        if unknown or len(given) != 3:
+            raise ValueError(f"{sensor}: a mapping has the keys x, y, z, and this one {', '.join(map(str, given))}.")
+        return [given[axis] for axis in "xyz"]
+    if hasattr(given, "fits"):
+        given = given.fits
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        if len(given) != 3:
+            raise ValueError(
+                f"{sensor}: one model for all axes or three of them are wanted, and these are {len(given)}."
+            )
+        return list(given)
+    return [given] * 3
+
+
+def _three(name: str, value: Any) -> Float[Array, "3"]:
+    positive(name, value, zero_ok=True)
+    value = as_float(value)
+    if value.shape not in ((), (3,)):
+        raise ValueError(f"{name} is one number or three, and has the shape {value.shape}.")
+    return jnp.broadcast_to(value, (3,))
+
+
+def _at_rate(model: Composite, old: float, new: float) -> Composite:
+    processes = []
+    for p in model.processes:
+        continuous = units.to_continuous(p.kind, p.values, old)
+        if any((seen := concrete(c)) is not None and np.isnan(seen) for c in continuous):
+            raise ValueError(f"{p!r} has no continuous-time form, and so none at another rate.")
+        build: Any = type(p)
+        processes.append(build(*units.from_continuous(p.kind, continuous, new)))
+    return Composite(processes)
+
+
+def _block_diagonal(parts: list[Any]) -> Float[Array, "M M"]:
+    # block_diag of nothing has a row
+    return jax.scipy.linalg.block_diag(*parts) if parts else jnp.zeros((0, 0))

@@ -1,0 +1,156 @@
+"""All Markov states of a sensor error model, stacked, and what they do over a covariance step.
+
+Sample and hold: sample k of an error lasts from t_k to t_{k+1}, in the emulation and in the filter alike. The integral
+of a state over a step is then a finite sum and its discretisation exact, without a series: over samples of length dt_i,
+
+    y = sum_i dt_i (h' x_i + v_i),    x_{i+1} = Phi x_i + w_i,
+
+and `step_noise` adds up the weights of x_0 in y and the covariances of the noise in y and x, sample by sample. White
+noise has the density r/f, also over a part of a sample (where a fix lies between two samples).
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from nav_jax.layout import CHANNELS, SensorState
+
+
+class SensorBank(eqx.Module):
+    """The states of the six channels, per sample: x' = Phi x + w, error of a channel = sum of h x + v."""
+
+    transition: Float[Array, "M M"]
+    driving: Float[Array, "M M"]
+    """Covariance of w."""
+    readout: Float[Array, " M"]
+    initial: Float[Array, "M M"]
+    """Covariance of x at the start."""
+    white: Float[Array, "6"]
+    """Variance of v of each channel."""
+    rate: Float[Array, ""]
+    """Hz."""
+    states: tuple[SensorState, ...] = eqx.field(static=True)
+    diagonal: bool = eqx.field(static=True)
+    """Does every state go its own way? Then products with Phi are elementwise."""
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """The channel of each state."""
+        return tuple(s.channel for s in self.states)
+
+    def errors(self, x: Float[Array, "M *R"]) -> Float[Array, "6 *R"]:
+        """The error of each channel without its white part."""
+        return by_channel(self.channels, self.readout, x)
+
+    def advance(self, x: Float[Array, "M R"], ends: Float[Array, ""]) -> Float[Array, "M R"]:
+        """Phi x where a sample ends (1), x where it does not (0)."""
+        if self.diagonal:
+            phi = jnp.diag(self.transition)
+            return (1.0 + ends * (phi - 1.0))[:, None] * x
+        return x + ends * (self.transition @ x - x)
+
+
+class StepNoise(eqx.Module):
+    """What a covariance step needs of the sensor errors; see the head of this file for y."""
+
+    duration: Float[Array, ""]
+    inverse_duration: Float[Array, ""]
+    """0 for an empty step."""
+    transition: Float[Array, "*M"]
+    """Phi over the step: its diagonal where `diagonal`."""
+    weights: Float[Array, " M"]
+    """Of the states in y."""
+    integrated: Float[Array, "6"]
+    """Variance of the noise in y."""
+    cross: Float[Array, "6 M"]
+    """Covariance of the noise in y with that in x."""
+    driving: Float[Array, "M M"]
+    """Covariance of the noise in x."""
+    second_integral: Float[Array, ""]
+    """Variance of the second integral of white noise over that of the first, less T^2/2: negative."""
+    channels: tuple[int, ...] = eqx.field(static=True)
+    diagonal: bool = eqx.field(static=True)
+    several: bool = eqx.field(static=True)
+    """More than one sample in a step."""
+
+    def integrate(self, X: Float[Array, "M K R"]) -> Float[Array, "6 K R"]:
+        """Weighted sum over the states of each channel."""
+        return by_channel(self.channels, self.weights, X)
+
+    def carry(self, S: Float[Array, "J M R"]) -> Float[Array, "J M R"]:
+        """S Phi'."""
+        if self.diagonal:
+            return S * self.transition[None, :, None]
+        return jnp.einsum("jmr,km->jkr", S, self.transition)
+
+    def advance(self, B: Float[Array, "M M R"]) -> Float[Array, "M M R"]:
+        """Phi B Phi' + Q."""
+        driving = self.driving[:, :, None]
+        if self.diagonal:
+            return B * (self.transition[:, None] * self.transition[None, :])[:, :, None] + driving
+        return jnp.einsum("im,mnr,jn->ijr", self.transition, B, self.transition) + driving
+
+
+def by_channel(channels: tuple[int, ...], weights: Float[Array, " M"], X: Float[Array, "M *K"]) -> Float[Array, "6 *K"]:
+    """Sum of weights times X over the states of each channel; 0 for a channel without state."""
+    zero = jnp.zeros(X.shape[1:], dtype=X.dtype)
+    rows = []
+    for channel in range(len(CHANNELS)):
+        row = zero
+        for j in (j for j, c in enumerate(channels) if c == channel):
+            row = weights[j] * X[j] if row is zero else row + weights[j] * X[j]
+        rows.append(row)
+    return jnp.stack(rows)
+
+
+def step_noise(bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> StepNoise:
+    """Accumulate a covariance step.
+
+    Parameters
+    ----------
+    bank
+        The states.
+    dt
+        Length in s of each piece of the step; 0 for a piece that pads.
+    ends
+        1 where the piece ends its IMU sample and the error goes on to the next, 0 where it does not.
+    """
+    size = len(bank.states)
+    select = jnp.asarray(np.equal.outer(np.arange(len(CHANNELS)), np.array(bank.channels, dtype=int)).astype(float))
+    h = bank.readout
+
+    def piece(carry, inputs):
+        # row: h' Phi^i; V_.. covariances of the noise so far
+        row, phi, weights, V_yy, V_yx, V_xx = carry
+        length, end = inputs
+        weights = weights + length * row
+        V_yy = V_yy + select @ (2 * length * h * V_yx + length**2 * h * (V_xx @ h)) + length / bank.rate * bank.white
+        V_yx = V_yx + length * (V_xx @ h)
+        Phi = jnp.eye(size) + end * (bank.transition - jnp.eye(size))
+        V_xx = Phi @ V_xx @ Phi.T + end * bank.driving
+        return (row @ Phi, Phi @ phi, weights, V_yy, Phi @ V_yx, V_xx), None
+
+    zero, none = jnp.zeros(size), jnp.zeros((size, size))
+    start = (h, jnp.eye(size), zero, jnp.zeros(len(CHANNELS)), zero, none)
+    (_, phi, weights, V_yy, V_yx, V_xx), _ = jax.lax.scan(piece, start, (dt, ends))
+    T = jnp.sum(dt)
+    inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
+    # a pulse at s moves the position by T - s: its mean square
+    middle = jnp.cumsum(dt) - dt / 2
+    spread = jnp.sum(dt * (T - middle) ** 2) * inverse - T**2 / 2
+    return StepNoise(
+        T,
+        inverse,
+        jnp.diag(phi) if bank.diagonal else phi,
+        weights,
+        V_yy,
+        select * V_yx[None, :],
+        V_xx,
+        spread,
+        channels=bank.channels,
+        diagonal=bank.diagonal,
+        several=len(dt) > 1,
+    )
