@@ -19,7 +19,7 @@ from jaxtyping import Float, Key
 
 from nav_jax.layout import CHANNELS
 from nav_jax.linalg import factor
-from nav_jax.noise import ImuErrors, RecordedErrors
+from nav_jax.noise import ImuErrors, RecordedErrors, draw
 
 _BLOCK = 1000
 """Samples drawn at once: a few MB for a chunk of runs, which stays in the cache."""
@@ -77,10 +77,10 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
     num_runs, size = keys.shape[0], len(bank.states)
     names = tuple(f"imu {state}" for state in bank.states)
     white_names = tuple(f"imu {channel} white" for channel in CHANNELS)
-    start = (
-        factor(bank.initial) @ normals(keys, tuple(f"{n} start" for n in names), 1, jnp.uint32(0))[0] if size else None
-    )
-    x = jnp.zeros((0, num_runs)) if start is None else start
+    if size:
+        x = factor(bank.initial) @ normals(keys, tuple(f"{n} start" for n in names), 1, jnp.uint32(0))[0]
+    else:
+        x = jnp.zeros((0, num_runs))
     gain = factor(bank.driving)
     white = jnp.sqrt(bank.white)[:, None]
     one = jnp.ones(())
@@ -104,14 +104,12 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
 
 def _with_stateless(errors: ImuErrors, keys: Key[Array, " R"], total: Float[Array, "N 6 R"]) -> Float[Array, "N 6 R"]:
     """Add the processes that have no state, drawn by themselves."""
+    num_samples = total.shape[0]
     for channel, name in enumerate(CHANNELS):
-        if errors.draw_stateless(channel, 1, jax.random.key(0)) is None:
-            continue
-
-        def of_run(key, channel=channel, name=name):
-            return errors.draw_stateless(channel, total.shape[0], stream(key, f"imu {name} stateless"))
-
-        total = total.at[:, channel].add(jax.vmap(of_run, out_axes=1)(keys))
+        model = errors.stateless(channel)
+        if model is not None:
+            streams = jax.vmap(lambda k, name=name: stream(k, f"imu {name} stateless"))(keys)
+            total = total.at[:, channel].add(draw(model, num_samples, streams))
     return total
 
 

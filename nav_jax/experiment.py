@@ -1,7 +1,7 @@
 """One comparison, prepared: the schedule, the perfect sensors and the truth, and runs of it as a pure function of keys.
 
-`simulate_runs` is what everything else is made of: jitted, vectorised over runs, and differentiable in the parameters of
-the emulated errors, of the filter, of the aiding noise and of the initial covariance.
+`draw_inputs` and `run_filter` are what everything else is made of: jitted, vectorised over runs, and differentiable in
+the parameters of the emulated errors, of the filter, of the aiding noise and of the initial covariance.
 """
 
 from collections.abc import Sequence
@@ -105,7 +105,7 @@ class Setup:
     ) -> Experiment:
         samples, held = samples_of(schedule, len(self.imu))
         first = self.reference
-        begin = (jnp.asarray(a[:1].T) for a in (first.position, first.velocity, first.quaternion))
+        p, v, q = (jnp.asarray(a[:1].T) for a in (first.position, first.velocity, first.quaternion))
         return Experiment(
             timeline_of(
                 self.imu,
@@ -116,7 +116,7 @@ class Setup:
                 earth.gravity_n(jnp.asarray(first.position[:1].T)),
             ),
             self.aiding,
-            NavState(*begin, jnp.zeros((0, 1))),
+            NavState(p, v, q, jnp.zeros((0, 1))),
             initial,
             None if np.array_equal(samples, np.arange(len(self.imu))) else jnp.asarray(samples),
             jnp.asarray(held),
@@ -173,8 +173,8 @@ def prepare(
 
     ``draw_inputs(experiment, truth, run_keys(key, 0, n))`` and ``run_filter(experiment, believed, inputs)`` are then
     pure functions of what they are given: they may be differentiated, in parameters of the emulated errors, of the
-    filter, of ``experiment.sensors`` and ``experiment.initial``. Parameters as in `nav_jax.compare`; `rate` is that of the
-    IMU.
+    filter, of ``experiment.sensors`` and ``experiment.initial``. Parameters as in `nav_jax.compare`; `rate` is that of
+    the IMU.
     """
     return Setup(
         reference,
@@ -208,10 +208,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     M, G, n, _ = timeline.imu.shape
     num_runs = keys.shape[0]
     drawn = emulate(truth, keys, experiment.num_samples + 1)
-    if experiment.samples is None:
-        errors = drawn.total[:-1]
-    else:
-        errors = drawn.total[experiment.samples]
+    errors = drawn.total[:-1] if experiment.samples is None else drawn.total[experiment.samples]
     deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (9,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
@@ -283,7 +280,7 @@ def check_rates(truth: Any, filters: dict[str, ImuErrors]) -> float:
             raise ValueError(f"The filter {name!r} believes ImuErrors, and this is {f!r}.")
         if abs(f.rate / truth.rate - 1) > 1e-6:
             raise ValueError(
-                f"The filter {name!r} belongs to {f.rate:g} Hz and the emulated errors to {truth.rate:g} Hz. Parameters "
-                f"are per sample: use at_rate({truth.rate:g}), which keeps the noise in continuous time."
+                f"The filter {name!r} belongs to {f.rate:g} Hz and the emulated errors to {truth.rate:g} Hz. "
+                f"Parameters are per sample: use at_rate({truth.rate:g}), which keeps the noise in continuous time."
             )
     return truth.rate

@@ -24,10 +24,10 @@ def symmetrise(P: Float[Array, "K K *R"]) -> Float[Array, "K K *R"]:
 
 
 def whiten(P: Float[Array, "K K Q"], e: Float[Array, "K R"]) -> Float[Array, "K R"]:
-    """Y with y_i^2 summing to e' P^-1 e, each y_i depending on the first i components only.
+    """The vector y with y_i^2 summing to e' P^-1 e, each y_i depending on the first i components only.
 
-    y = D^(-1/2) L^-1 e with P = L D L', so the sum over the first k is the form of the leading k x k block. Q is R, or 1
-    for a matrix that all runs share. NaN from the first pivot on that is not positive: P is singular there.
+    y = D^(-1/2) L^-1 e with P = L D L', so the sum over the first k is the form of the leading k x k block. Q is R,
+    or 1 for a matrix that all runs share. NaN from the first pivot on that is not positive: P is singular there.
     """
     size = P.shape[0]
     y: list[Array] = []

@@ -51,8 +51,8 @@ def monte_carlo(
     name
         Of the filter in tables and figures.
     options
-        ``aiding, num_runs, key, initial, gains, every, output_interval, earth, chunk_size, workers, keep, progress``, see
-        `compare`.
+        ``aiding, num_runs, key, initial, gains, every, output_interval, earth, chunk_size, workers, keep, progress``,
+        see `compare`.
 
     Returns
     -------
@@ -166,12 +166,8 @@ def compare(
         # the last chunk is filled up with runs that nobody asked for: another size would compile again
         keys = run_keys(key, chunk * size, (chunk + 1) * size)
         inputs = draw_inputs(setup.experiment, truth, keys)
-        return {
-            name: jax.tree.map(
-                np.asarray, _outputs(setup, run_filter(setup.experiment, filters[name], inputs, shared[name]))
-            )
-            for name in names
-        }
+        outcomes = {name: run_filter(setup.experiment, filters[name], inputs, shared[name]) for name in names}
+        return {name: jax.tree.map(np.asarray, _outputs(setup, outcome)) for name, outcome in outcomes.items()}
 
     collected = {name: _Collected(setup, num_runs) for name in filters}
     done = _run_chunks(task, list(filters), -(-num_runs // size), workers, progress, collected, size)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -179,11 +180,10 @@ def navigate(
     }
     if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
         raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
-    begin = NavState(*(jnp.asarray(a[:, None]) for a in start.values()), jnp.zeros((len(bank.states), 1)))
+    p, v, q = (jnp.asarray(a[:, None]) for a in start.values())
+    begin = NavState(p, v, q, jnp.zeros((len(bank.states), 1)))
     # nothing is known to compare with: the errors of the channels are then what the filter estimates
-    nothing = Truth(
-        jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.tile(jnp.array([[[1.0], [0.0], [0.0], [0.0]]]), (M, 1, 1))
-    )
+    nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
     timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth.gravity_n(begin.p))
     z = np.zeros((M, timeline.valid.shape[1], 1))
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
@@ -195,14 +195,15 @@ def navigate(
     status = Status(int(outcome.status))
     if throw and status is not Status.ok:
         raise RuntimeError(
-            f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; with "
-            "throw=False the solution up to there is returned."
+            f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; "
+            "with throw=False the solution up to there is returned."
         )
     length = schedule.dt.sum(axis=1)[schedule.pattern].ravel()
     real = np.flatnonzero(length > 0)
     p, v, q = (a.reshape(-1, a.shape[-1])[real] for a in outcome.trace[:3])
-    p, v, q = (np.concatenate([a[None], b]) for a, b in zip(start.values(), (p, v, q), strict=True))
-    whole = Trajectory(np.concatenate([epochs[:1], epochs[0] + np.cumsum(length[real])]), p, v, q, "navigation")
+    estimate = [np.concatenate([a[None], b]) for a, b in zip(start.values(), (p, v, q), strict=True)]
+    time = np.append(epochs[0], epochs[0] + np.cumsum(length[real]))
+    whole = Trajectory(time, estimate[0], estimate[1], estimate[2], "navigation")
     nu = {n: outcome.innovation[s, a:b] for n, s, a, b in zip(names, fixes, columns[:-1], columns[1:], strict=True)}
     variance = {n: outcome.variance[s, a:b] for n, s, a, b in zip(names, fixes, columns[:-1], columns[1:], strict=True)}
     return Navigation(
@@ -216,4 +217,4 @@ def navigate(
     )
 
 
-_run = eqx.filter_jit(lambda *given: run_estimate(*given, trace=True))
+_run = eqx.filter_jit(partial(run_estimate, trace=True))

@@ -137,10 +137,10 @@ class ImuErrors(eqx.Module):
             diagonal=all(len(f.readout) == 1 for _, f in forms),
         )
 
-    def draw_stateless(self, channel: int, num_samples: int, key: Key[Array, ""]) -> Float[Array, " N"] | None:
-        """Draw the sum of the processes of a channel that have no state (quantisation noise); None if there are none."""
+    def stateless(self, channel: int) -> Composite | None:
+        """The processes of a channel that have no state (quantisation noise); None if there are none."""
         rest = [p for p in self.models[channel].processes if p.state_space() is None]
-        return simulate(Composite(rest), num_samples, key=key) if rest else None
+        return Composite(rest) if rest else None
 
     def notes(self) -> tuple[str, ...]:
         """What a filter that believes this model leaves out, in a sentence each."""
@@ -269,13 +269,14 @@ def white_sd(model: NoiseModel) -> Float[Array, ""]:
 
 
 def _per_axis(sensor: str, given: Any) -> list[Any]:
-    if isinstance(given, Mapping) and not hasattr(given, "fits"):
+    fits = getattr(given, "fits", None)
+    if fits is not None:
+        given = fits
+    elif isinstance(given, Mapping):
         unknown = sorted(set(given) - set("xyz"))
         if unknown or len(given) != 3:
             raise ValueError(f"{sensor}: a mapping has the keys x, y, z, and this one {', '.join(map(str, given))}.")
         return [given[axis] for axis in "xyz"]
-    if hasattr(given, "fits"):
-        given = given.fits
     if isinstance(given, Sequence) and not isinstance(given, str):
         if len(given) != 3:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""What an aiding sensor is. One more is one file with a class that derives from `AbstractAiding`, and a row in the tests.
+"""What an aiding sensor is. One more is one file with a class derived from `AbstractAiding`, and a row in the tests.
 
 A measurement is h(p, v) plus noise; a filter takes the noise as white with the believed standard deviation. The errors
 that are emulated may be any model of gmwm_jax at the sensor's own rate.
@@ -101,7 +101,7 @@ def timing(
 
 
 def noises(name: str, given: Sequence[Any], believed: Sequence[Any] | None) -> tuple[tuple[NoiseModel, ...], Any]:
-    """The emulated noise of each component, and the standard deviations that the filter believes: its own if not given."""
+    """The emulated noise of each component, and the standard deviations the filter believes: those, if not given."""
     models = tuple(axis_noise(g, name) for g in given)
     sd = [white_sd(m) for m in models] if believed is None else [as_float(b) for b in believed]
     for value in sd:
