@@ -29,16 +29,15 @@ def whiten(P: Float[Array, "K K Q"], e: Float[Array, "K R"]) -> Float[Array, "K 
     y = D^(-1/2) L^-1 e with P = L D L', so the sum over the first k is the form of the leading k x k block. Q is R,
     or 1 for a matrix that all runs share. NaN from the first pivot on that is not positive: P is singular there.
     """
-    size = P.shape[0]
-    y: list[Array] = []
-    for k in range(size):
-        pivot = P[k, k]
+    y = []
+    while P.shape[0]:
+        pivot, row = P[0, 0], P[0]
         good = pivot > 0
         safe = jnp.where(good, pivot, 1.0)
-        y.append(jnp.where(good, e[k] / jnp.sqrt(safe), jnp.nan))
-        column = P[k + 1 :, k] / safe[None]
-        e = e.at[k + 1 :].add(-column * e[None, k])
-        P = P.at[k + 1 :, k + 1 :].add(-column[:, None] * P[None, k, k + 1 :])
+        y.append(jnp.where(good, e[0] / jnp.sqrt(safe), jnp.nan))
+        column = P[1:, 0] / safe[None]
+        # what is left of the others once the first is known
+        P, e = P[1:, 1:] - column[:, None] * row[None, 1:], e[1:] - column * e[:1]
     return jnp.stack(y)
 
 

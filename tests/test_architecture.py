@@ -37,7 +37,7 @@ NAV_JAX = """
     attitudes trajectory motions _columns _quantities trajectory_io
     strapdown sensors
     layout sensor_bank noise emulation
-    measurements/__init__ measurements/_base
+    measurements/__init__ measurements/_base measurements/_ned
     measurements/gnss_position measurements/gnss_velocity measurements/barometer
     initial schedule
     error_model ekf judge filter experiment
@@ -45,13 +45,13 @@ NAV_JAX = """
     _store results_io
     runs ranking comparison
     monte_carlo navigate
-    plot_runs plot config demo cli __main__
+    plot_runs plot config_sections config report demo cli __main__
     __init__
 """
 ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
 """From low to high, files of each package. A file that does not exist (yet) is no error."""
 
-LEAVES = ("plot", "plot_runs", "demo", "cli", "__main__")
+LEAVES = ("plot", "plot_runs", "config_sections", "config", "report", "demo", "cli", "__main__")
 """Imported by nobody but other leaves; `plot` and `plot_runs` also inside methods."""
 
 HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic")

@@ -1,66 +1,17 @@
 """GNSS velocity."""
 
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
-from jax import Array
-from jaxtyping import Float
 
-from nav_jax.measurements._base import AbstractAiding, noises, timing
-from nav_jax.noise import NoiseModel
+from nav_jax.measurements._ned import AbstractNed
 
 
-class GnssVelocity(AbstractAiding):
-    """Velocity fixes in north, east, down.
+class GnssVelocity(AbstractNed):
+    """Velocity fixes in m/s, north, east, down; the parameters are those of `AbstractNed`."""
 
-    Parameters
-    ----------
-    rate
-        Hz; any, also one that is no divisor of the IMU's.
-    horizontal, vertical
-        Noise of north and east, and of down: a standard deviation in m/s (white), or a model per sample at `rate`.
-    outages
-        Intervals (start, end) in s without fixes, ends included.
-    first
-        s after the start of the run, of the first fix; one period unless told otherwise.
-    believed
-        Standard deviations (horizontal, vertical) in m/s that the filter believes; those of the noise if not given.
-    name
-        Of the sensor, where there are several.
-
-    Raises
-    ------
-    ValueError
-        A standard deviation or rate that is not positive, an outage that is no interval.
-    """
-
-    axes: ClassVar[tuple[str, ...]] = ("n", "e", "d")
     unit: ClassVar[str] = "m/s"
-
-    noise: tuple[NoiseModel, ...]
-    believed: Float[Array, "3"]
-    rate: float = eqx.field(static=True)
-    first: float = eqx.field(static=True)
-    outages: tuple[tuple[float, float], ...] = eqx.field(static=True)
-    name: str = eqx.field(static=True)
-
-    def __init__(
-        self,
-        rate: float = 1.0,
-        *,
-        horizontal: Any,
-        vertical: Any,
-        outages: Sequence[Sequence[float]] = (),
-        first: float | None = None,
-        believed: tuple[Any, Any] | None = None,
-        name: str = "gnss_velocity",
-    ):
-        self.name = name
-        self.rate, self.first, self.outages = timing(name, rate, first, outages)
-        sd = None if believed is None else (believed[0], believed[0], believed[1])
-        self.noise, self.believed = noises(name, (horizontal, horizontal, vertical), sd)
+    default_name: ClassVar[str] = "gnss_velocity"
 
     def predict(self, p, v):  # noqa: D102
         return v
