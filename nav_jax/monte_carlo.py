@@ -159,7 +159,7 @@ def compare(
     )
     size = min(integer("chunk_size", chunk_size or CHUNK_SIZE[gains], 1), num_runs)
     on_cpu = jax.default_backend() == "cpu"
-    workers = integer("workers", workers or ((os.cpu_count() or 1) if on_cpu else 1), 1)
+    workers = integer("workers", workers or (_cores() if on_cpu else 1), 1)
     shared = {name: gains_of(setup.experiment, f) if gains == "reference" else None for name, f in filters.items()}
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
@@ -223,6 +223,11 @@ def _collect(waiting: dict, collected: dict, complete: np.ndarray, names: list[s
             collected[name].take(chunk * size, output)
             complete[chunk, names.index(name)] = True
             bar.update(size)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Silent:
