@@ -17,6 +17,7 @@ from jaxtyping import Float, Int, Key
 
 from nav_jax import strapdown
 from nav_jax._check import integer, number
+from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState, inject
 from nav_jax.emulation import emulate, stream
@@ -68,11 +69,11 @@ class Setup:
         reference: Trajectory,
         aiding: Sequence[AbstractAiding],
         *,
-        rate: float,
+        rate: Real,
         initial: InitialUncertainty,
         earth: FlatEarth,
         every: int,
-        output_interval: float,
+        output_interval: Real,
     ):
         self.imu, self.reference = perfect_imu(reference, rate, earth)
         self.aiding = tuple(aiding)
@@ -163,11 +164,11 @@ def prepare(
     reference: Trajectory,
     aiding: Sequence[AbstractAiding],
     *,
-    rate: float,
+    rate: Real,
     initial: InitialUncertainty | None = None,
     earth: FlatEarth | None = None,
     every: int = 1,
-    output_interval: float = 1.0,
+    output_interval: Real = 1.0,
 ) -> Experiment:
     """Prepare runs along a reference, for use inside JAX programs.
 

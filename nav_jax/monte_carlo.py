@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Key
 
 from nav_jax._check import integer, typed_key
+from nav_jax._typing import Real
 from nav_jax.comparison import Comparison
 from nav_jax.components import COMPONENTS, GROUPS
 from nav_jax.earth import FlatEarth
@@ -83,7 +84,7 @@ def compare(
     initial: InitialUncertainty | None = None,
     gains: str = "estimate",
     every: int = 1,
-    output_interval: float = 1.0,
+    output_interval: Real = 1.0,
     earth: FlatEarth | None = None,
     chunk_size: int | None = None,
     workers: int | None = None,

@@ -13,6 +13,7 @@ from jaxtyping import Float64
 
 from nav_jax._check import increasing, integer, number, real_array
 from nav_jax._table import format_table
+from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState
 from nav_jax.experiment import start_covariance, timeline_of
@@ -117,7 +118,7 @@ def navigate(
     quaternion: Any,
     initial: InitialUncertainty,
     every: int = 1,
-    output_interval: float = 1.0,
+    output_interval: Real = 1.0,
     earth: FlatEarth | None = None,
     throw: bool = True,
 ) -> Navigation:

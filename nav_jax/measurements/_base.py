@@ -16,6 +16,7 @@ from jax import Array
 from jaxtyping import Float, Key
 
 from nav_jax._check import as_float, number, positive, sampling_rate
+from nav_jax._typing import Real
 from nav_jax.noise import NoiseModel, axis_noise, draw, white_sd
 
 _TOLERANCE = 1e-6
@@ -84,7 +85,7 @@ class AbstractAiding(eqx.Module):
 
 
 def timing(
-    name: str, rate: float, first: float | None, outages: Sequence[Sequence[float]]
+    name: str, rate: Real, first: Real | None, outages: Sequence[Sequence[Real]]
 ) -> tuple[float, float, tuple[tuple[float, float], ...]]:
     """Check and return rate, first fix (one period after the start unless told otherwise) and outages."""
     rate = sampling_rate(rate)

@@ -7,6 +7,7 @@ import equinox as eqx
 from jax import Array
 from jaxtyping import Float
 
+from nav_jax._typing import Real
 from nav_jax.measurements._base import AbstractAiding, noises, timing
 from nav_jax.noise import NoiseModel
 
@@ -47,12 +48,12 @@ class AbstractNed(AbstractAiding):
 
     def __init__(
         self,
-        rate: float = 1.0,
+        rate: Real = 1.0,
         *,
         horizontal: Any,
         vertical: Any,
-        outages: Sequence[Sequence[float]] = (),
-        first: float | None = None,
+        outages: Sequence[Sequence[Real]] = (),
+        first: Real | None = None,
         believed: tuple[Any, Any] | None = None,
         name: str | None = None,
     ):

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from nav_jax._typing import Real
 from nav_jax.measurements._base import AbstractAiding, noises, timing
 from nav_jax.noise import NoiseModel
 
@@ -48,11 +49,11 @@ class Barometer(AbstractAiding):
 
     def __init__(
         self,
-        rate: float = 1.0,
+        rate: Real = 1.0,
         *,
         height: Any,
-        outages: Sequence[Sequence[float]] = (),
-        first: float | None = None,
+        outages: Sequence[Sequence[Real]] = (),
+        first: Real | None = None,
         believed: Any = None,
         name: str = "barometer",
     ):
