@@ -11,8 +11,9 @@ $(VENV)/.installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
-demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise model; figures and tables under out/
+demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filters that believe them; all under out/
 	$(BIN)/python -m gmwm_jax demo --out out
+	$(BIN)/python -m nav_jax demo --fits out --out out
 
 test: $(VENV)/.installed  ## the whole test suite
 	$(BIN)/python -m pytest

@@ -121,6 +121,11 @@ def sensor_models(sensor: str) -> dict[str, Composite]:
     return {channel: parse_model(text) for channel, text in _sensor(sensor).models.items()}
 
 
+def sensor_rate(sensor: str) -> float:
+    """Return the sampling rate of a sensor in Hz, to which its models belong."""
+    return _sensor(sensor).rate
+
+
 def sensor_datasheet(sensor: str, group: str) -> Composite | None:
     """Return the white noise that a sensor's datasheet promises for ``gyro`` or ``accel``; None if it is silent."""
     known = _sensor(sensor)

@@ -18,6 +18,8 @@ from gmwm_jax.variance import wavelet_variance
 
 _SENSOR = "mti-g"
 _MODEL = "WN + RW + 2*GM"
+_SIMPLER = {"noise_model_wn.json": "WN", "noise_model_wn_gm.json": "WN + GM"}
+"""What a hasty user would fit to the same wavelet variances, for a comparison of filters."""
 
 
 def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
@@ -61,9 +63,11 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
         plt.close(figure)
     tables = "\n\n".join([*(f.summary() for f in fits.values()), repr(fits), comparison])
     write_atomically(out / "noise_model.txt", lambda file: file.write(f"{tables}\n".encode()))
-    content = json.dumps([f.to_dict() for f in fits.values()], indent=1, allow_nan=False)
-    write_atomically(out / "noise_model.json", lambda file: file.write(content.encode()))
-    say(f"\nFigures and tables are in {out}/: {', '.join([*figures, 'noise_model.txt', 'noise_model.json'])}")
+    models = {"noise_model.json": fits} | {name: fit(wv, model, throw=False) for name, model in _SIMPLER.items()}
+    for name, of_model in models.items():
+        content = json.dumps([f.to_dict() for f in of_model.values()], indent=1, allow_nan=False)
+        write_atomically(out / name, lambda file, content=content: file.write(content.encode()))
+    say(f"\nFigures and tables are in {out}/: {', '.join([*figures, 'noise_model.txt', *models])}")
     return fits
 
 

@@ -11,9 +11,11 @@ from jaxtyping import Float
 
 from gmwm_jax._check import agreed_rate, sampling_rate
 from gmwm_jax._table import format_table, number
-from gmwm_jax.estimates import ZERO, EstimateTable, continuous_table, parameter_table
+from gmwm_jax.estimates import AT, ZERO, EstimateTable, continuous_table, parameter_table
 from gmwm_jax.inference import delta_method, normal_quantile, parameter_covariance
-from gmwm_jax.processes._base import Composite
+from gmwm_jax.processes._base import AbstractProcess, Composite
+from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wv_covariance import wv_covariance
 
@@ -104,6 +106,30 @@ class Fit:
             label: np.asarray(p.wavelet_variance(tau))
             for label, p in zip(self.model.labels, self.model.processes, strict=True)
         }
+
+    @cached_property
+    def reduced(self) -> Composite:
+        """The model that the data show, for filters and simulations: what is zero left out, what is at a limit as it.
+
+        A Gauss-Markov process whose correlation time has left the range is its random walk or white noise here, added
+        to those of the model.
+        """
+        kept: list[AbstractProcess] = []
+        limits: dict[type[AbstractProcess], float] = {}
+        for label, p in zip(self.model.labels, self.model.processes, strict=True):
+            note = self.at_boundary.get(label, "")
+            form = p.state_space() if note.startswith(AT) and note != ZERO else None
+            if form is not None and note == f"{AT}random walk":
+                limits[RW] = limits.get(RW, 0.0) + float(form.driving[0, 0])
+            elif form is not None:
+                limits[WN] = limits.get(WN, 0.0) + float(form.initial[0, 0])
+            elif note != ZERO:
+                kept.append(p)
+        for cls, amplitude in limits.items():
+            amplitude += sum(float(p.amplitude) for p in kept if isinstance(p, cls))
+            build: Any = cls
+            kept = [*(p for p in kept if not isinstance(p, cls)), build(amplitude)]
+        return Composite(kept or [WN(0.0)])
 
     # -- uncertainty ----------------------------------------------------------------------------------------------
 
@@ -206,6 +232,11 @@ class Fit:
             "rate": self.rate,
             "num_samples": self.wv.num_samples,
             "model": " + ".join(p.kind for p in self.model.processes),
+            # for filters and simulations
+            "processes": [
+                {"kind": p.kind, **{q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True)}}
+                for p in self.reduced.processes
+            ],
             "objective": self.objective,
             "weights": self.weights,
             "level": self.level,

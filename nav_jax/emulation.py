@@ -18,8 +18,9 @@ from jax import Array
 from jaxtyping import Float, Key
 
 from nav_jax.layout import CHANNELS
-from nav_jax.linalg import factor
-from nav_jax.noise import ImuErrors, RecordedErrors, draw
+from nav_jax.linalg import factor, root
+from nav_jax.noise import ImuErrors, draw
+from nav_jax.recorded import RecordedErrors
 
 _BLOCK = 1000
 """Samples drawn at once: a few MB for a chunk of runs, which stays in the cache."""
@@ -82,7 +83,7 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
     else:
         x = jnp.zeros((0, num_runs))
     gain = factor(bank.driving)
-    white = jnp.sqrt(bank.white)[:, None]
+    white = root(bank.white)[:, None]
     one = jnp.ones(())
 
     def block(x, number):

@@ -34,7 +34,8 @@ from nav_jax.initial import InitialUncertainty
 from nav_jax.judge import Truth
 from nav_jax.linalg import factor
 from nav_jax.measurements._base import AbstractAiding
-from nav_jax.noise import ImuErrors, RecordedErrors
+from nav_jax.noise import ImuErrors
+from nav_jax.recorded import RecordedErrors
 from nav_jax.schedule import Schedule, make_schedule
 from nav_jax.sensor_bank import SensorBank
 from nav_jax.sensors import Imu, perfect_imu
@@ -84,12 +85,12 @@ class Setup:
         start, end = float(epochs[0]), float(epochs[-1])
         if interval > end - start:
             raise ValueError(f"The output interval of {interval:g} s is longer than the run of {end - start:g} s.")
-        names = [s.name for s in self.aiding]
-        if len(set(names)) < len(names):
-            raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
         for s in self.aiding:
             if not isinstance(s, AbstractAiding):
                 raise ValueError(f"Aiding is made of sensors such as GnssPosition, and {s!r} is none.")
+        names = [s.name for s in self.aiding]
+        if len(set(names)) < len(names):
+            raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
         self.output_times = start + interval * np.arange(1, int(np.floor((end - start) / interval + 1e-9)) + 1)
         fix_times = [s.fixes(start, end) for s in self.aiding]
         used = [s.available(t) for s, t in zip(self.aiding, fix_times, strict=True)]

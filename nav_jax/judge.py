@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from nav_jax.ekf import NavState
 from nav_jax.error_model import Covariance
-from nav_jax.linalg import transpose, whiten
+from nav_jax.linalg import root, transpose, whiten
 from nav_jax.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
 from nav_jax.sensor_bank import SensorBank, by_channel
 
@@ -62,7 +62,7 @@ def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting
     else:
         of_sensors = jnp.full_like(velocity, jnp.nan)
     nees = jnp.stack([y[2], velocity, attitude, y[5], y[8], of_sensors])
-    return Judgement(error, jnp.sqrt(jnp.maximum(variance, 0.0)), N[:3, :3], nees)
+    return Judgement(error, root(variance), N[:3, :3], nees)
 
 
 def _diagonal(P: Float[Array, "K K Q"]) -> Float[Array, "K Q"]:

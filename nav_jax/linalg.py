@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-def matmul3(C: Float[Array, "3 3 *R"], X: Float[Array, "3 K *R"]) -> Float[Array, "3 K *R"]:
-    """C X for a 3 x 3 matrix C."""
+def matmul3(C: Float[Array, "3 3 *#R"], X: Float[Array, "3 K *#R"]) -> Float[Array, "3 K *#R"]:
+    """C X for a 3 x 3 matrix C; either may be one for all runs."""
     return C[:, 0, None] * X[None, 0] + C[:, 1, None] * X[None, 1] + C[:, 2, None] * X[None, 2]
 
 
@@ -58,3 +58,9 @@ def factor(P: Float[Array, "K K"]) -> Float[Array, "K K"]:
         P = P - column[:, None] * column[None, :]
         P = P.at[k].set(0.0).at[:, k].set(0.0)
     return jnp.stack(columns, axis=1) if columns else P
+
+
+def root(x: Float[Array, "*R"]) -> Float[Array, "*R"]:
+    """Square root, 0 of what is not positive; its derivative there is 0 and not infinite."""
+    positive = x > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)

@@ -22,7 +22,8 @@ from nav_jax.earth import FlatEarth
 from nav_jax.experiment import GAINS, Setup, check_rates, draw_inputs, gains_of, run_filter, run_keys
 from nav_jax.initial import InitialUncertainty
 from nav_jax.measurements._base import AbstractAiding
-from nav_jax.noise import ImuErrors, RecordedErrors
+from nav_jax.noise import ImuErrors
+from nav_jax.recorded import RecordedErrors
 from nav_jax.runs import Runs, Track
 from nav_jax.status import Status
 from nav_jax.trajectory import Trajectory

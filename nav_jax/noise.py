@@ -6,7 +6,10 @@ value and slope), a turn-on bias is a state that stays. Quantisation noise has n
 filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that is.
 """
 
+import json
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -16,9 +19,11 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
-from gmwm_jax import WN, Composite, StateSpace, parse_model, simulate, units
-from nav_jax._check import as_float, concrete, positive, real_array, sampling_rate
+from gmwm_jax import WN, Composite, StateSpace, datasets, parse_model, read_recording, simulate, units
+from nav_jax._check import as_float, concrete, positive, sampling_rate
+from nav_jax._typing import Real
 from nav_jax.layout import CHANNELS, SensorState
+from nav_jax.recorded import RecordedErrors
 from nav_jax.sensor_bank import SensorBank
 
 
@@ -61,7 +66,7 @@ class ImuErrors(eqx.Module):
         self,
         accel: Any,
         gyro: Any,
-        rate: float | None = None,
+        rate: Real | None = None,
         *,
         accel_bias_sd: Any = 0.0,
         gyro_bias_sd: Any = 0.0,
@@ -85,7 +90,7 @@ class ImuErrors(eqx.Module):
         self.rate = rates.pop()
         self.start = start
 
-    def at_rate(self, rate: float) -> "ImuErrors":
+    def at_rate(self, rate: Real) -> "ImuErrors":
         """The same physical noise, that is the same continuous-time densities, sampled at another rate.
 
         Raises
@@ -169,46 +174,104 @@ class ImuErrors(eqx.Module):
         return "\n".join(lines)
 
 
-class RecordedErrors:
-    """Errors of a static recording: every run takes a slice of it, the six channels together.
+def sensor_errors(sensor: str, **options: Any) -> ImuErrors:
+    """Errors of a known IMU, with the values of `gmwm_jax.datasets.sensor_models`.
 
     Parameters
     ----------
-    accel, gyro
-        The errors (N, 3) in m/s^2 and rad/s at a sampling rate: a static recording, whose mean over the whole record is
-        taken off, since gravity, Earth rate and bias are in it.
-    rate
-        Hz.
+    sensor
+        Such as ``mti-g``.
+    options
+        Turn-on biases and start, see `ImuErrors`.
 
     Raises
     ------
     ValueError
-        NaN, wrong shapes, records of different length.
-
-    Notes
-    -----
-    Slices of a short record overlap: runs are then not independent, and the intervals of statistics too short. Nobody
-    knows the true states behind a recording, so nothing is said about the filter's sensor states.
+        No sensor has this name, or it has no accelerometers.
     """
+    accel, gyro = (_axes(datasets.sensor_models(sensor), s, sensor) for s in ("accel", "gyro"))
+    return ImuErrors(accel, gyro, datasets.sensor_rate(sensor), **options)
 
-    def __init__(self, accel: Any, gyro: Any, rate: float):
-        both = [real_array("accel", accel, (None, 3)), real_array("gyro", gyro, (None, 3))]
-        if len(both[0]) != len(both[1]):
-            raise ValueError(f"accel has {len(both[0])} samples and gyro {len(both[1])}: give both of one recording.")
-        record = np.concatenate(both, axis=1)
-        self.record = record - record.mean(axis=0)
-        self.rate = sampling_rate(rate)
+
+def fitted_errors(path: str | os.PathLike[str], **options: Any) -> ImuErrors:
+    """Errors as fitted: a file that ``gmwm-jax fit --json`` has written.
+
+    Parameters
+    ----------
+    path
+        With channels ``accel_x`` to ``gyro_z``, or one of accelerometers and one of gyros, which then serve three axes.
+    options
+        Turn-on biases and start, see `ImuErrors`.
+
+    Raises
+    ------
+    ValueError
+        No such file, channels that are missing, or a fit without rate.
+    """
+    try:
+        fits = json.loads(Path(path).read_text())
+        models = {f["channel"]: " + ".join(map(_term, f["processes"])) for f in fits}
+        rates = [f["rate"] for f in fits]
+    except (KeyError, TypeError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is no file of fits as gmwm-jax fit --json writes it ({error!r}).") from error
+    if None in rates or len(set(rates)) != 1:
+        raise ValueError(f"{path}: the fits belong to one rate, and theirs are {rates} Hz.")
+    accel, gyro = (_axes(models, sensor, path) for sensor in ("accel", "gyro"))
+    return ImuErrors(accel, gyro, rates[0], **options)
+
+
+def recorded_errors(path: str | os.PathLike[str], **options: Any) -> RecordedErrors:
+    """Errors of a static recording in a file, see `gmwm_jax.read_recording`, whose options these are.
+
+    Raises
+    ------
+    ValueError
+        As of `gmwm_jax.read_recording`; not three accelerometers and three gyros; no rate.
+    """
+    recording = read_recording(path, **options)
+    accel, gyro = (
+        np.stack([recording.column(channel) for channel in _axes({c: c for c in recording.channels}, sensor, path)], 1)
+        for sensor in ("accel", "gyro")
+    )
+    return RecordedErrors(accel, gyro, sampling_rate(recording.rate))
+
+
+convert_unit = units.convert
+"""``convert_unit(2, "deg/h", "rad/s")``."""
+
+
+def _term(process: Mapping[str, Any]) -> str:
+    """One process of a file of fits, as text of a model, with all digits."""
+    values = ", ".join(f"{name}={float(value)!r}" for name, value in process.items() if name != "kind")
+    return f"{process['kind']}({values})"
+
+
+def _axes(by_channel: Mapping[str, Any], sensor: str, source: Any) -> list[Any]:
+    """What belongs to the axes of a sensor; one channel serves all three."""
+    found = [value for channel, value in by_channel.items() if channel.startswith(sensor)]
+    named = [by_channel.get(f"{sensor}_{axis}") for axis in "xyz"]
+    if len(found) == 3 and None not in named:
+        return named
+    if len(found) != 1:
+        raise ValueError(
+            f"{source}: channels {sensor}_x, {sensor}_y and {sensor}_z are wanted, or one for all axes; there are "
+            f"{', '.join(by_channel)}."
+        )
+    return found * 3
 
 
 def as_model(model: Any, what: str) -> Composite:
     """Return a complete composite from a process, sum, text or fit, without its components of amplitude zero.
+
+    Of a fit its reduced form: a Gauss-Markov process at its limit is a random walk or white noise, whose stationary
+    variance means nothing.
 
     Raises
     ------
     ValueError
         It is none of these, or has a parameter without value.
     """
-    model = getattr(model, "model", model)
+    model = getattr(model, "reduced", model)
     if isinstance(model, str):
         model = parse_model(model)
     elif not isinstance(model, Composite):

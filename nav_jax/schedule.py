@@ -74,7 +74,7 @@ def make_schedule(epochs: Float[np.ndarray, " E"], events: Float[np.ndarray, " K
     lengths = np.diff(at, prepend=0)
     longest = _segment_length(lengths, every)
     # long ways between events are several segments
-    ends_at = np.concatenate([_split(a - n, a, longest) for a, n in zip(at, lengths, strict=True)])
+    ends_at = np.concatenate([_split(int(a - n), int(a), longest) for a, n in zip(at, lengths, strict=True)])
     starts_at = np.concatenate([[0], ends_at[:-1]])
     size = np.diff(bounds)
     is_end = bounds[1:] == np.rint(bounds[1:])

@@ -160,7 +160,9 @@ def test_fit_to_json_and_figure(npz, tmp_path, wv):
     assert (one["model"], one["unit"], one["rate"], one["num_samples"]) == ("WN + RW", "rad/s", 100.0, 3000)
     np.testing.assert_allclose(one["variance"], wv["gyro_x"].variance, rtol=1e-15)
     np.testing.assert_allclose(np.sum([*one["components"].values()], axis=0), one["fitted"], rtol=1e-12)
+    assert [p["kind"] for p in one["processes"]] == ["WN", "RW"]
     sigma2 = one["parameters"][0]
+    assert one["processes"][0]["sigma2"] == sigma2["value"]
     assert (sigma2["symbol"], sigma2["component"]) == ("sigma2", "WN")
     N = next(e for e in one["datasheet"] if e["symbol"] == "N")
     assert N["unit"] == "deg/sqrt(h)"
@@ -260,7 +262,7 @@ def test_demo(tmp_path):
     files = {p.name: p for p in (tmp_path / "out").iterdir()}
     assert sorted(files) == [
         "allan_deviation.png", "fit_accel_x.png", "fit_all_channels.png", "fit_gyro_x.png", "noise_model.json",
-        "noise_model.txt", "recording.png",
+        "noise_model.txt", "noise_model_wn.json", "noise_model_wn_gm.json", "recording.png",
     ]  # fmt: skip
     for name, path in files.items():
         if name.endswith(".png"):
@@ -269,6 +271,8 @@ def test_demo(tmp_path):
     content = json.loads(files["noise_model.json"].read_text())
     assert [one["channel"] for one in content] == list(datasets.sensor_models("mti-g"))
     assert files["noise_model.txt"].read_text().count("Datasheet units") == 6
+    for name, model in {"noise_model_wn.json": "WN", "noise_model_wn_gm.json": "WN + GM"}.items():
+        assert [one["model"] for one in json.loads(files[name].read_text())] == [model] * 6
 
 
 # Bad input

@@ -219,3 +219,10 @@ def test_r_objects_of_other_classes_are_read_for_their_samples(tmp_path, classes
     rec = read_recording(write_r(tmp_path / "ts.rda", series), rate=50.0, units="rad/s")
     np.testing.assert_array_equal(rec.data, X)
     assert rec.rate == 50.0
+
+
+def test_the_rate_of_a_sensor_is_that_of_its_records():
+    for sensor in datasets.sensors():
+        assert datasets.sensor_rate(sensor) == datasets.simulated(sensor, 2, channels=["gyro_x"]).rate
+    with pytest.raises(ValueError, match="no sensor 'mti-h'"):
+        datasets.sensor_rate("mti-h")

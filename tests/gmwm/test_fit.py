@@ -402,7 +402,7 @@ def test_channels_are_fitted_as_if_alone():
         ("WN + WN", "cannot be told apart"),
         ("GM + AR1", "one process in two parametrisations"),
         ("WN +", "expected a process"),
-        ("WN RW", r"expected '\+'"),
+        ("RW WN", r"expected '\+'"),
         ("GM(tau=3)", "no parameter 'tau'"),
         ("GM(beta=-3)", "beta must be one number in"),
     ],
@@ -471,3 +471,18 @@ def test_a_fit_knows_its_weights():
         assert f"({name} weights)" in fit.summary()
     with pytest.raises(ValueError, match='"two-step" or an array'):
         gj.fit(wv, "WN", omega="optimal")
+
+
+@pytest.mark.parametrize(
+    ("truth", "model", "kinds"),
+    [("WN(sigma2=1) + RW(gamma2=1e-4)", "WN + GM", "RW WN"), ("WN(sigma2=1)", "GM", "WN"),
+     ("WN(sigma2=1) + RW(gamma2=1e-4)", "WN + RW + GM", "RW WN"), ("RW(gamma2=1)", "2*GM", "RW")],
+)  # fmt: skip
+def test_reduced_model_is_what_the_data_show(truth, model, kinds):
+    """Exact wavelet variances: what is superfluous is zero or at a limit, and the reduced model does without it."""
+    tau = 2.0 ** np.arange(1, 15)
+    nu = np.asarray(gj.parse_model(truth).wavelet_variance(tau))
+    f = gj.fit(gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu), model)
+    assert f.at_boundary
+    assert sorted(p.kind for p in f.reduced.processes) == kinds.split()
+    np.testing.assert_allclose(f.reduced.wavelet_variance(tau), f.fitted, rtol=1e-6)

@@ -1,0 +1,91 @@
+"""What a comparison leaves behind: tables as text and JSON, and figures."""
+
+import json
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+from nav_jax._files import write_atomically
+from nav_jax.comparison import Comparison
+from nav_jax.plot import plot_comparison, plot_consistency, plot_mean_errors, plot_nis, plot_trajectory
+from nav_jax.plot_runs import plot_errors, plot_realisations, plot_sensor_states
+
+TEXT, CONTENT = "comparison.txt", "comparison.json"
+
+
+def as_text(comparison: Comparison) -> str:
+    """The ranking, and of each model its errors beside what the filter says of them."""
+    return "\n\n".join([repr(comparison), *(repr(r) for r in comparison.runs.values())])
+
+
+def as_json(comparison: Comparison) -> str:
+    """The ranking as JSON; None where there is no number."""
+    table = comparison.table() if comparison.num_common >= 2 else None
+    content = {
+        "reference": comparison.reference.name,
+        "truth": comparison.truth,
+        "time": None if table is None else table.time,
+        "num_common": comparison.num_common,
+        "level": None if table is None else table.level,
+        "ranking": [] if table is None else table.to_list(),
+        "models": {
+            name: {
+                "num_runs": len(r),
+                "num_requested": r.num_requested,
+                "num_failed": r.num_failed,
+                "outages": {sensor: list(map(list, ends)) for sensor, ends in r.outages.items()},
+                "notes": list(r.notes),
+            }
+            for name, r in comparison.runs.items()
+        },
+    }
+    return json.dumps(content, indent=1, allow_nan=False)
+
+
+def write_report(comparison: Comparison, folder: Path, *, plot: bool = True) -> list[str]:
+    """Write all of it into a folder, made if it is not there; returns the names of the files.
+
+    Figures are drawn where there are two or more runs in which no model failed.
+    """
+    plt.switch_backend("Agg")
+    texts = {TEXT: as_text(comparison) + "\n", CONTENT: as_json(comparison) + "\n"}
+    for name, text in texts.items():
+        write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))
+    if not plot or comparison.num_common < 2:
+        return list(texts)
+    drawn = []
+    for name, draw in _figures(comparison):
+        figure = draw()
+        write_atomically(folder / name, lambda file, figure=figure: figure.savefig(file, format="png", dpi=120))
+        plt.close(figure)
+        drawn.append(name)
+    return [*texts, *drawn]
+
+
+def _figures(comparison: Comparison) -> Iterable[tuple[str, Callable[[], Figure]]]:
+    """File name and how to draw it."""
+    reference, runs = comparison.reference, comparison.runs
+    yield "comparison.png", lambda: plot_comparison(comparison)
+    yield "trajectory.png", lambda: plot_trajectory(reference)
+    yield "mean_errors.png", lambda: plot_mean_errors(comparison, log=True)
+    yield "consistency.png", lambda: plot_consistency(comparison)
+    if any(len(times) for r in runs.values() for times in r.nis_time.values()):
+        yield "innovations.png", lambda: plot_nis(comparison)
+    for name, r in zip(_plain(runs), runs.values(), strict=True):
+        if r.num_good:
+            yield f"realisations_{name}.png", lambda r=r: plot_realisations(r, reference)
+            yield f"errors_{name}.png", lambda r=r: plot_errors(r, blocks=("position", "attitude"))
+            yield f"sensor_states_{name}.png", lambda r=r: plot_sensor_states(r)
+
+
+def _plain(names: Iterable[Any]) -> list[str]:
+    """Names that a file may have, each once."""
+    plain: list[str] = []
+    for name in names:
+        short = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "model"
+        plain.append(short if short not in plain else f"{short}_{len(plain) + 1}")
+    return plain
