@@ -27,6 +27,8 @@ Models = Comparison | Runs | Mapping[str, Runs]
 
 _DEGREES = 180 / np.pi
 _CONSISTENT = "0.82"
+_FLAT = 1.0
+"""m: less than this between lowest and highest is drawn as level."""
 
 
 def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True) -> Figure:
@@ -55,6 +57,8 @@ def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True) -> Figure:
     plan.plot(east[0], north[0], "o", color=COLOURS[1], label="start")
     plan.legend(fontsize=8)
     height.plot(trajectory.time, -down, color=COLOURS[0], lw=1.4)
+    if np.ptp(down) < _FLAT:  # else the axis shows rounding
+        height.set_ylim(-down.mean() - _FLAT, -down.mean() + _FLAT)
     plan.set_title(f"{trajectory.name or 'trajectory'}: plan")
     return figure
 

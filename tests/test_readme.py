@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from gmwm_jax import datasets
 from gmwm_jax.cli import app
 from gmwm_jax.processes.registry import PROCESSES
+from nav_jax.cli import app as nav_app
+from nav_jax.config import read_config
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()
@@ -77,6 +79,27 @@ def test_shell_blocks_use_options_that_exist():
         usage = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
         for option in (word for word in rest if word.startswith("--")):
             assert option in usage
+
+
+def test_nav_jax_shell_lines_use_options_that_exist():
+    lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("nav-jax")]
+    assert len(lines) >= 2
+    for line in lines:
+        command, *rest = shlex.split(line)[1:]
+        usage = CliRunner().invoke(nav_app, [command, "--help"], env={"COLUMNS": "200"}).output
+        for option in (word for word in rest if word.startswith("--")):
+            assert option in usage
+
+
+def test_configuration(folder):
+    """The TOML that is shown says what it seems to."""
+    (shown,) = blocks("toml")
+    path = folder / "comparison.toml"
+    path.write_text(shown)
+    comparison = read_config(path).compare(num_runs=2)
+    assert list(comparison.runs) == ["right", "WN only"]
+    assert comparison["right"].outages == {"gnss_position": ((260.0, 300.0),)}
+    assert comparison.reference.duration == 300.0
 
 
 def test_make_targets_exist():
