@@ -361,7 +361,7 @@ def _at_rate(model: Composite, old: float, new: float) -> Composite:
     processes = []
     for p in model.processes:
         continuous = units.to_continuous(p.kind, p.values, old)
-        if any((seen := concrete(c)) is not None and np.isnan(seen) for c in continuous):
+        if any((seen := concrete(c)) is not None and not np.isfinite(seen) for c in continuous):
             raise ValueError(f"{p!r} has no continuous-time form, and so none at another rate.")
         build: Any = type(p)
         processes.append(build(*units.from_continuous(p.kind, continuous, new)))

@@ -1,0 +1,60 @@
+"""Sensors, models and runs that the tests of the filter share. The numbers are those of R's lemniscate example."""
+
+import jax.numpy as jnp
+import numpy as np
+
+import gmwm_jax as gj
+import nav_jax as nj
+from nav_jax.filter import Inputs
+
+GRAVITY = 9.8056
+RATE = 100.0
+ACCEL_WN, GYRO_WN = 5.989778e-05, 1.503793e-06
+ACCEL_AR1 = ((0.9982454, 1.848297e-10), (0.9999121, 2.435414e-11), (0.9999998, 1.026718e-12))
+GYRO_AR1 = ((0.9968999, 2.42898e-11), (0.9999001, 1.238142e-12))
+
+
+def sensor(white, ar1=()):
+    """White noise and AR1, as one model."""
+    model = gj.WN(white)
+    for phi, innovation in ar1:
+        model = model + gj.AR1(phi, innovation)
+    return model
+
+
+def imu_errors(which="right", start="stationary", **options):
+    """R's three filter models: all processes, white noise only, white noise and the fastest AR1."""
+    count = {"right": (3, 2), "wrong": (0, 0), "partial": (1, 1)}[which]
+    accel, gyro = sensor(ACCEL_WN, ACCEL_AR1[: count[0]]), sensor(GYRO_WN, GYRO_AR1[: count[1]])
+    return nj.ImuErrors(accel, gyro, RATE, start=start, **options)
+
+
+def aiding(*outage, rate=1.0, **options):
+    """GNSS with an outage, barometer without."""
+    gaps = (outage,) if outage else ()
+    return (
+        nj.GnssPosition(rate, horizontal=0.025, vertical=0.05, outages=gaps, **options),
+        nj.GnssVelocity(rate, horizontal=0.01, vertical=0.02, outages=gaps, **options),
+        nj.Barometer(rate, height=0.5, **options),
+    )
+
+
+def quiet_inputs(experiment, num_states=0, num_runs=1):
+    """Inputs without any error: exact start, perfect sensors, exact fixes."""
+    timeline = experiment.timeline
+    M, G, n, _ = timeline.imu.shape
+    z = [s.predict(timeline.truth.p[:, :, 0].T, timeline.truth.v[:, :, 0].T).T for s in experiment.sensors]
+    z = jnp.concatenate([jnp.zeros((M, 0)), *z], axis=1)
+    start = experiment.start
+    start = type(start)(*(jnp.tile(a, (1, num_runs)) for a in start[:3]), jnp.zeros((num_states, num_runs)))
+    return Inputs(
+        start,
+        jnp.zeros((M, G, n, 6, num_runs)),
+        jnp.zeros((M, 6, num_runs)),
+        jnp.tile(z[:, :, None], (1, 1, num_runs)),
+    )
+
+
+def skew(a):
+    """Matrix of the vector product."""
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
