@@ -31,7 +31,8 @@ from nav_jax.earth import FlatEarth
 from nav_jax.initial import InitialUncertainty
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.monte_carlo import compare
-from nav_jax.noise import ImuErrors, RecordedErrors
+from nav_jax.noise import ImuErrors
+from nav_jax.recorded import RecordedErrors
 from nav_jax.trajectory import Trajectory
 
 TRUTH = "truth"

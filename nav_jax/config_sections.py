@@ -18,7 +18,8 @@ from nav_jax.measurements._base import AbstractAiding
 from nav_jax.measurements.barometer import Barometer
 from nav_jax.measurements.gnss_position import GnssPosition
 from nav_jax.measurements.gnss_velocity import GnssVelocity
-from nav_jax.noise import ImuErrors, RecordedErrors, convert_unit, fitted_errors, recorded_errors, sensor_errors
+from nav_jax.noise import ImuErrors, convert_unit, fitted_errors, recorded_errors, sensor_errors
+from nav_jax.recorded import RecordedErrors
 from nav_jax.trajectory import Trajectory
 from nav_jax.trajectory_io import read_trajectory
 
