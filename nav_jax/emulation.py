@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Key
+from jaxtyping import Float, Int, Key
 
 from nav_jax.layout import CHANNELS
 from nav_jax.linalg import factor, root
@@ -31,8 +31,31 @@ class Emulated(NamedTuple):
 
     total: Float[Array, "N 6 R"]
     """What is added to the perfect sensors."""
-    lasting: Float[Array, "N 6 R"]
-    """Of that, the part with a memory: what filter states could estimate. NaN where nobody knows it."""
+    lasting: Float[Array, "H 6 R"]
+    """At the samples asked for, the part with a memory: what filter states could estimate. NaN where nobody knows."""
+
+
+class Held(NamedTuple):
+    """Samples at which the lasting part is asked for, by the blocks in which they are drawn."""
+
+    local: Int[Array, "B K"]
+    """Positions in each block, filled up with zeros."""
+    position: Int[Array, " H"]
+    """Of each sample in `local`, row after row; B K for the sample after the last block."""
+
+
+def held_samples(samples: Int[np.ndarray, " H"], num_samples: int) -> Held:
+    """Prepare the samples 0 .. N at which `emulate` keeps the lasting part; all of them would be as much again."""
+    num_blocks = -(-num_samples // _BLOCK)
+    block = samples // _BLOCK
+    rows = [np.unique(samples[block == b]) for b in range(num_blocks)]
+    width = max(1, *map(len, rows))
+    local = np.zeros((num_blocks, width), dtype=np.int64)
+    place = {num_blocks * _BLOCK: num_blocks * width}
+    for b, row in enumerate(rows):
+        local[b, : len(row)] = row - b * _BLOCK
+        place |= {int(k): b * width + i for i, k in enumerate(row)}
+    return Held(jnp.asarray(local), jnp.asarray([place[int(k)] for k in samples]))
 
 
 def stream(key: Key[Array, ""], name: str) -> Key[Array, ""]:
@@ -51,7 +74,7 @@ def normals(keys: Key[Array, " R"], names: tuple[str, ...], num: int, block: Arr
     return jax.vmap(of_run, out_axes=2)(keys).astype(jnp.float64)
 
 
-def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samples: int) -> Emulated:
+def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samples: int, held: Held) -> Emulated:
     """Draw the errors of an IMU.
 
     Parameters
@@ -62,6 +85,8 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
         One a run.
     num_samples
         N.
+    held
+        Where the lasting part is kept, see `held_samples`.
 
     Returns
     -------
@@ -73,7 +98,7 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
         A recording is shorter than N.
     """
     if isinstance(errors, RecordedErrors):
-        return _slices(errors, keys, num_samples)
+        return _slices(errors, keys, num_samples, held)
     bank = errors.bank()
     num_runs, size = keys.shape[0], len(bank.states)
     names = tuple(f"imu {state}" for state in bank.states)
@@ -86,7 +111,8 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
     white = root(bank.white)[:, None]
     one = jnp.ones(())
 
-    def block(x, number):
+    def block(x, given):
+        number, at = given
         noise = normals(keys, names + white_names, _BLOCK, number)
 
         def sample(x, e):
@@ -95,12 +121,14 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
             driven = jnp.diag(gain)[:, None] * e[:size] if bank.diagonal else gain @ e[:size]
             return bank.advance(x, one) + driven, (total, lasting)
 
-        return jax.lax.scan(sample, x, noise)
+        x, (total, lasting) = jax.lax.scan(sample, x, noise)
+        return x, (total, lasting[at])
 
-    num_blocks = -(-num_samples // _BLOCK)
-    _, (total, lasting) = jax.lax.scan(block, x, jnp.arange(num_blocks, dtype=jnp.uint32))
-    total, lasting = (a.reshape(-1, len(CHANNELS), num_runs)[:num_samples] for a in (total, lasting))
-    return Emulated(_with_stateless(errors, keys, total), lasting)
+    numbers = jnp.arange(held.local.shape[0], dtype=jnp.uint32)
+    x, (total, lasting) = jax.lax.scan(block, x, (numbers, held.local))
+    total = total.reshape(-1, len(CHANNELS), num_runs)[:num_samples]
+    lasting = jnp.concatenate([lasting.reshape(-1, len(CHANNELS), num_runs), bank.errors(x)[None]])
+    return Emulated(_with_stateless(errors, keys, total), lasting[held.position])
 
 
 def _with_stateless(errors: ImuErrors, keys: Key[Array, " R"], total: Float[Array, "N 6 R"]) -> Float[Array, "N 6 R"]:
@@ -114,7 +142,7 @@ def _with_stateless(errors: ImuErrors, keys: Key[Array, " R"], total: Float[Arra
     return total
 
 
-def _slices(errors: RecordedErrors, keys: Key[Array, " R"], num_samples: int) -> Emulated:
+def _slices(errors: RecordedErrors, keys: Key[Array, " R"], num_samples: int, held: Held) -> Emulated:
     spare = len(errors.record) - num_samples
     if spare < 0:
         raise ValueError(
@@ -128,4 +156,4 @@ def _slices(errors: RecordedErrors, keys: Key[Array, " R"], num_samples: int) ->
         return jax.lax.dynamic_slice_in_dim(record, at, num_samples)
 
     total = jax.vmap(of_run, out_axes=2)(keys)
-    return Emulated(total, jnp.full_like(total, jnp.nan))
+    return Emulated(total, jnp.full((held.position.shape[0], *total.shape[1:]), jnp.nan))

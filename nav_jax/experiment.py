@@ -20,7 +20,7 @@ from nav_jax._check import integer, number
 from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState, inject
-from nav_jax.emulation import emulate, stream
+from nav_jax.emulation import Held, emulate, held_samples, stream
 from nav_jax.filter import (
     Gains,
     Inputs,
@@ -54,7 +54,7 @@ class Experiment(eqx.Module):
     initial: InitialUncertainty
     samples: Int[Array, " L"] | None
     """IMU sample of each piece, where they are not simply all samples in turn."""
-    held: Int[Array, " M"]
+    held: Held
     """IMU sample that lasts at the end of each segment."""
     fixes: tuple[Int[Array, "2 _"], ...]
     """Of each sensor: the fixes that are used, by number of the fix and of the segment that ends there."""
@@ -121,7 +121,7 @@ class Setup:
             NavState(p, v, q, jnp.zeros((0, 1))),
             initial,
             None if np.array_equal(samples, np.arange(len(self.imu))) else jnp.asarray(samples),
-            jnp.asarray(held),
+            held_samples(held, len(self.imu)),
             tuple(jnp.asarray(np.stack([np.flatnonzero(u), s])) for u, s in zip(used, self.fix_segments, strict=True)),
             len(self.imu),
             tuple(len(u) for u in used),
@@ -209,8 +209,8 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     timeline = experiment.timeline
     M, G, n, _ = timeline.imu.shape
     num_runs = keys.shape[0]
-    drawn = emulate(truth, keys, experiment.num_samples + 1)
-    errors = drawn.total[:-1] if experiment.samples is None else drawn.total[experiment.samples]
+    drawn = emulate(truth, keys, experiment.num_samples, experiment.held)
+    errors = drawn.total if experiment.samples is None else drawn.total[experiment.samples]
     deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (9,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
@@ -221,9 +221,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
         number_of, segment = fixes
         z.append(jnp.broadcast_to(exact, (M, exact.shape[1], num_runs)).at[segment].add(noise[number_of]))
     z.append(jnp.zeros((M, 0, num_runs)))
-    return Inputs(
-        begin, errors.reshape(M, G, n, 6, num_runs), drawn.lasting[experiment.held], jnp.concatenate(z, axis=1)
-    )
+    return Inputs(begin, errors.reshape(M, G, n, 6, num_runs), drawn.lasting, jnp.concatenate(z, axis=1))
 
 
 @eqx.filter_jit

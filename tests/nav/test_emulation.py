@@ -8,12 +8,19 @@ from helpers import assert_covariance, assert_mean
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax.emulation import emulate, normals
+from nav_jax import emulation
+from nav_jax.emulation import normals
 
 RATE = 100.0
 RUNS = 4000
 WHITE = gj.WN(1e-4)
 MODEL = gj.WN(4.0) + gj.AR1(0.9, 1.0)
+
+
+def emulate(errors, keys, num_samples):
+    """With the lasting part at all samples."""
+    every = emulation.held_samples(np.arange(num_samples), num_samples)
+    return emulation.emulate(errors, keys, num_samples, every)
 
 
 def keys(num=RUNS, seed=1):
