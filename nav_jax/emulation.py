@@ -2,7 +2,8 @@
 
 Every state and every white part has a stream of random numbers of its own, named by channel and process, and every
 stream is cut into blocks of fixed length with a key each. So the noise of a run depends neither on the other runs, nor
-on the aiding, nor on how long the run goes on.
+on the aiding, nor on how long the run goes on. (The length does enter quantisation noise, which is drawn at once, and
+the place of a slice of a recording.)
 
 The numbers are normal ones of single precision, turned to double: 24 bits of noise are enough (they reach 5.4 sigma,
 which one sample in 15 million exceeds), at half the time.

@@ -28,11 +28,11 @@ from nav_jax.runs import Runs, Track
 from nav_jax.status import Status
 from nav_jax.trajectory import Trajectory
 
-CHUNK_SIZE = {"estimate": 64, "reference": 64}
-"""Most runs in a chunk, by the kind of gains: the fastest on two cores with 24 states, see benchmarks."""
+CHUNK_SIZE = 64
+"""Most runs in a chunk: the fastest of 16, 32, 64 on two cores with 24 states and gains of each run (benchmarks)."""
 
 _LANES = 8
-"""Runs that one vector instruction takes: sizes that are no multiple cost a third more."""
+"""Runs that one vector instruction takes; a chunk is a multiple of it."""
 
 
 def monte_carlo(
@@ -115,7 +115,8 @@ def compare(
         Uncertainty of the start, from which initial errors are drawn; none if not given.
     gains
         ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
-        to first order in the errors, many times faster; not for errors so large that they bend the filter.
+        to first order in the errors, the filter ten times faster (drawing the errors takes as long as before); not for
+        errors so large that they bend the filter.
     every
         Number of IMU samples in a covariance step; the transition is accumulated over all of them.
     output_interval
@@ -162,9 +163,9 @@ def compare(
         every=every,
         output_interval=output_interval,
     )
-    size = integer("chunk_size", chunk_size or CHUNK_SIZE[gains], 1)
+    size = integer("chunk_size", CHUNK_SIZE if chunk_size is None else chunk_size, 1)
     on_cpu = jax.default_backend() == "cpu"
-    workers = integer("workers", workers or (_cores() if on_cpu else 1), 1)
+    workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     if chunk_size is None:  # as many chunks for each thread, and little that fills up the last
         rounds = -(-num_runs // (size * workers))
         size = -(-num_runs // (rounds * workers * _LANES)) * _LANES

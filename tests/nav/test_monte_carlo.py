@@ -243,3 +243,9 @@ def test_a_start_is_a_covariance():
         nj.InitialUncertainty(velocity_sd=[1.0, 2.0])
     with pytest.raises(ValueError, match="not both"):
         nj.InitialUncertainty(1.0, covariance=np.eye(9))
+
+
+@pytest.mark.parametrize("option", ["chunk_size", "workers"])
+def test_zero_is_no_default(option):
+    with pytest.raises(ValueError, match=f"{option} must be an integer of 1 or more"):
+        compare(**{option: 0})
