@@ -1,82 +1,154 @@
-"""Errors of an IMU, drawn for many runs at once: a function of the runs' keys, and of nothing else about the runs.
+"""Errors of an IMU for many runs at once, sample by sample: drawn from a model, cut from a recording, or given.
 
-Every state and every white part has a stream of random numbers of its own, named by channel and process, and every
-stream is cut into blocks of fixed length with a key each. So the noise of a run depends neither on the other runs, nor
-on the aiding, nor on how long the run goes on. (The length does enter quantisation noise, which is drawn at once, and
-the place of a slice of a recording.)
+The time loop asks for the errors of each covariance step when it comes to it. So a run of an hour needs no more memory
+than one of a minute, and filters that are compared see the same numbers because they ask for the same ones.
 
-The numbers are normal ones of single precision, turned to double: 24 bits of noise are enough (they reach 5.4 sigma,
-which one sample in 15 million exceeds), at half the time.
+Every state and every white part has a stream of random numbers of its own, named by channel and process. So the noise
+of a run depends neither on the other runs, nor on the aiding, nor on how long the run goes on. (The length does enter
+quantisation noise, which is drawn at once, and the place of a slice of a recording.)
 """
 
 import zlib
-from typing import NamedTuple
+from abc import abstractmethod
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Int, Key
+from jaxtyping import Float, Int, Key, UInt32
 
+from nav_jax.counter import counter_keys, normals
 from nav_jax.layout import CHANNELS
 from nav_jax.linalg import factor, root
 from nav_jax.noise import ImuErrors, draw
 from nav_jax.recorded import RecordedErrors
-
-_BLOCK = 1000
-"""Samples drawn at once: a few MB for a chunk of runs, which stays in the cache."""
+from nav_jax.sensor_bank import SensorBank
 
 
-class Emulated(NamedTuple):
-    """Errors of R runs."""
+class AbstractErrors(eqx.Module):
+    """Errors of R runs over M segments of G covariance steps of n pieces; a sample may be several pieces."""
 
-    total: Float[Array, "N 6 R"]
-    """What is added to the perfect sensors."""
-    lasting: Float[Array, "H 6 R"]
-    """At the samples asked for, the part with a memory: what filter states could estimate. NaN where nobody knows."""
+    per_step: eqx.AbstractVar[Any]
+    """What `step` is given: arrays (M, G, ...)."""
+    per_segment: eqx.AbstractVar[Any]
+    """What `lasting` is given: arrays (M, ...)."""
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """What is carried from step to step."""
+
+    @abstractmethod
+    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n 6 R"]]:
+        """Errors that are added to the perfect sensors over a step; `ends` is 1 where a piece ends its sample."""
+
+    @abstractmethod
+    def lasting(self, carry: Any, given: Any) -> Float[Array, "6 R"]:
+        """The part with a memory now: what filter states could estimate. NaN where nobody knows."""
 
 
-class Held(NamedTuple):
-    """Samples at which the lasting part is asked for, by the blocks in which they are drawn."""
+class GivenErrors(AbstractErrors):
+    """Errors as arrays."""
 
-    local: Int[Array, "B K"]
-    """Positions in each block, filled up with zeros."""
-    position: Int[Array, " H"]
-    """Of each sample in `local`, row after row; B K for the sample after the last block."""
+    per_step: Float[Array, "M G n 6 R"]
+    per_segment: Float[Array, "M 6 R"]
+
+    def begin(self) -> None:
+        """Nothing is carried."""
+
+    def step(self, carry: None, ends: Float[Array, " n"], given: Float[Array, "n 6 R"]) -> tuple[None, Array]:
+        """Those given."""
+        return carry, given
+
+    def lasting(self, carry: None, given: Float[Array, "6 R"]) -> Float[Array, "6 R"]:
+        """Those given."""
+        return given
 
 
-def held_samples(samples: Int[np.ndarray, " H"], num_samples: int) -> Held:
-    """Prepare the samples 0 .. N at which `emulate` keeps the lasting part; all of them would be as much again."""
-    num_blocks = -(-num_samples // _BLOCK)
-    block = samples // _BLOCK
-    rows = [np.unique(samples[block == b]) for b in range(num_blocks)]
-    width = max(1, *map(len, rows))
-    local = np.zeros((num_blocks, width), dtype=np.int64)
-    place = {num_blocks * _BLOCK: num_blocks * width}
-    for b, row in enumerate(rows):
-        local[b, : len(row)] = row - b * _BLOCK
-        place |= {int(k): b * width + i for i, k in enumerate(row)}
-    return Held(jnp.asarray(local), jnp.asarray([place[int(k)] for k in samples]))
+class DrawnErrors(AbstractErrors):
+    """Errors drawn from a model."""
+
+    bank: SensorBank
+    gain: Float[Array, "S *S"]
+    """Factor of the covariance of the states' noise: its diagonal where the bank is diagonal."""
+    white: Float[Array, "6 1"]
+    x: Float[Array, "S R"]
+    """States at the start."""
+    keys: UInt32[Array, "2 R"]
+    per_step: Float[Array, "M G n 6 R"] | None
+    """Errors of the processes without a state."""
+    streams: tuple[int, ...] = eqx.field(static=True)
+    per_segment: None = None
+
+    def begin(self) -> Any:
+        """States, number of the sample, and its random numbers."""
+        t = jnp.uint32(0)
+        return self.x, t, self._normals(t)
+
+    def _normals(self, t: UInt32[Array, ""]) -> Array:
+        return normals(self.keys, np.array(self.streams, dtype=np.uint32), t)
+
+    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n 6 R"]]:
+        """Draw the next samples."""
+        size = len(self.bank.states)
+
+        def piece(carry, end):
+            x, t, e = carry
+            noise = e.astype(x.dtype)
+            errors = self.bank.errors(x) + self.white * noise[size:]
+            driven = self.gain[:, None] * noise[:size] if self.bank.diagonal else self.gain @ noise[:size]
+            x = self.bank.advance(x, end) + end * driven
+            t = t + end.astype(t.dtype)
+            # Drawn a sample ahead: as a carry it is computed once, and not once in every expression that uses it.
+            return (x, t, self._normals(t)), errors
+
+        if len(ends) == 1:
+            carry, errors = piece(carry, ends[0])
+            errors = errors[None]
+        else:
+            carry, errors = jax.lax.scan(piece, carry, ends)
+        return carry, errors if given is None else errors + given
+
+    def lasting(self, carry: Any, given: None) -> Float[Array, "6 R"]:
+        """Errors of the states."""
+        return self.bank.errors(carry[0])
+
+
+class SlicedErrors(AbstractErrors):
+    """Errors cut from a recording."""
+
+    record: Float[Array, "K 6"]
+    first: Int[Array, " R"]
+    """Sample of the recording at which each run starts."""
+    per_step: None = None
+    per_segment: None = None
+
+    def begin(self) -> Array:
+        """Number of the sample."""
+        return jnp.zeros((), dtype=self.first.dtype)
+
+    def step(self, carry: Array, ends: Float[Array, " n"], given: None) -> tuple[Array, Float[Array, "n 6 R"]]:
+        """The next samples."""
+        after = carry + jnp.cumsum(ends).astype(carry.dtype)
+        at = jnp.concatenate([carry[None], after[:-1]])
+        errors = self.record.at[at[:, None] + self.first[None]].get(mode="clip")
+        return after[-1], jnp.swapaxes(errors, 1, 2)
+
+    def lasting(self, carry: Array, given: None) -> Float[Array, "6 R"]:
+        """Nobody knows."""
+        return jnp.full((len(CHANNELS), self.first.shape[0]), jnp.nan)
 
 
 def stream(key: Key[Array, ""], name: str) -> Key[Array, ""]:
     """The key of a named stream of random numbers."""
-    return jax.random.fold_in(key, zlib.crc32(name.encode()))
+    return jax.random.fold_in(key, _number(name))
 
 
-def normals(keys: Key[Array, " R"], names: tuple[str, ...], num: int, block: Array) -> Float[Array, "num S R"]:
-    """Standard normal numbers of several streams of each run."""
-    numbers = jnp.asarray(np.array([zlib.crc32(n.encode()) for n in names], dtype=np.uint32))
-
-    def of_run(key):
-        streams = jax.vmap(lambda n: jax.random.fold_in(jax.random.fold_in(key, n), block))(numbers)
-        return jax.vmap(lambda k: jax.random.normal(k, (num,), dtype=jnp.float32), out_axes=1)(streams)
-
-    return jax.vmap(of_run, out_axes=2)(keys).astype(jnp.float64)
-
-
-def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samples: int, held: Held) -> Emulated:
-    """Draw the errors of an IMU.
+def emulate(
+    errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samples: int, ends: Float[Array, "M G n"]
+) -> AbstractErrors:
+    """Errors of R runs of N samples.
 
     Parameters
     ----------
@@ -86,12 +158,8 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
         One a run.
     num_samples
         N.
-    held
-        Where the lasting part is kept, see `held_samples`.
-
-    Returns
-    -------
-    Emulated
+    ends
+        1 where a piece ends its sample.
 
     Raises
     ------
@@ -99,62 +167,65 @@ def emulate(errors: ImuErrors | RecordedErrors, keys: Key[Array, " R"], num_samp
         A recording is shorter than N.
     """
     if isinstance(errors, RecordedErrors):
-        return _slices(errors, keys, num_samples, held)
+        return _sliced(errors, keys, num_samples)
     bank = errors.bank()
-    num_runs, size = keys.shape[0], len(bank.states)
-    names = tuple(f"imu {state}" for state in bank.states)
-    white_names = tuple(f"imu {channel} white" for channel in CHANNELS)
-    if size:
-        x = factor(bank.initial) @ normals(keys, tuple(f"{n} start" for n in names), 1, jnp.uint32(0))[0]
-    else:
-        x = jnp.zeros((0, num_runs))
+    words = counter_keys(jax.vmap(lambda k: stream(k, "imu"))(keys))
+    names = [str(state) for state in bank.states]
+    start = np.array([_number(f"{n} start") for n in names], dtype=np.uint32)
+    deviation = normals(words, start, jnp.uint32(0)).astype(bank.initial.dtype)
     gain = factor(bank.driving)
-    white = root(bank.white)[:, None]
-    one = jnp.ones(())
-
-    def block(x, given):
-        number, at = given
-        noise = normals(keys, names + white_names, _BLOCK, number)
-
-        def sample(x, e):
-            lasting = bank.errors(x)
-            total = lasting + white * e[size:]
-            driven = jnp.diag(gain)[:, None] * e[:size] if bank.diagonal else gain @ e[:size]
-            return bank.advance(x, one) + driven, (total, lasting)
-
-        x, (total, lasting) = jax.lax.scan(sample, x, noise)
-        return x, (total, lasting[at])
-
-    numbers = jnp.arange(held.local.shape[0], dtype=jnp.uint32)
-    x, (total, lasting) = jax.lax.scan(block, x, (numbers, held.local))
-    total = total.reshape(-1, len(CHANNELS), num_runs)[:num_samples]
-    lasting = jnp.concatenate([lasting.reshape(-1, len(CHANNELS), num_runs), bank.errors(x)[None]])
-    return Emulated(_with_stateless(errors, keys, total), lasting[held.position])
+    return DrawnErrors(
+        bank=bank,
+        gain=jnp.diag(gain) if bank.diagonal else gain,
+        white=root(bank.white)[:, None],
+        x=factor(bank.initial) @ deviation,
+        keys=words,
+        per_step=_stateless(errors, keys, num_samples, ends),
+        streams=tuple(_number(n) for n in names) + tuple(_number(f"{channel} white") for channel in CHANNELS),
+    )
 
 
-def _with_stateless(errors: ImuErrors, keys: Key[Array, " R"], total: Float[Array, "N 6 R"]) -> Float[Array, "N 6 R"]:
-    """Add the processes that have no state, drawn by themselves."""
-    num_samples = total.shape[0]
-    for channel, name in enumerate(CHANNELS):
-        model = errors.stateless(channel)
+def write_out(errors: AbstractErrors, ends: Float[Array, "M G n"]) -> GivenErrors:
+    """The errors as arrays, to look at or to change; `ends` as in `emulate`."""
+
+    def step(carry, given):
+        return errors.step(carry, *given)
+
+    def segment(carry, given):
+        ends, per_step, per_segment = given
+        carry, total = jax.lax.scan(step, carry, (ends, per_step))
+        return carry, (total, errors.lasting(carry, per_segment))
+
+    xs = (ends, errors.per_step, errors.per_segment)
+    return GivenErrors(*jax.lax.scan(segment, errors.begin(), xs)[1])
+
+
+def _number(name: str) -> int:
+    return zlib.crc32(name.encode())
+
+
+def _stateless(
+    errors: ImuErrors, keys: Key[Array, " R"], num_samples: int, ends: Float[Array, "M G n"]
+) -> Float[Array, "M G n 6 R"] | None:
+    """Errors of the processes that have no state, drawn by themselves; None if there is none."""
+    models = [errors.stateless(channel) for channel in range(len(CHANNELS))]
+    if all(m is None for m in models):
+        return None
+    total = jnp.zeros((num_samples, len(CHANNELS), keys.shape[0]))
+    for channel, (name, model) in enumerate(zip(CHANNELS, models, strict=True)):
         if model is not None:
             streams = jax.vmap(lambda k, name=name: stream(k, f"imu {name} stateless"))(keys)
             total = total.at[:, channel].add(draw(model, num_samples, streams))
-    return total
+    sample = (jnp.cumsum(ends) - ends.ravel()).astype(int)
+    return total.at[sample].get(mode="clip").reshape(*ends.shape, *total.shape[1:])
 
 
-def _slices(errors: RecordedErrors, keys: Key[Array, " R"], num_samples: int, held: Held) -> Emulated:
+def _sliced(errors: RecordedErrors, keys: Key[Array, " R"], num_samples: int) -> SlicedErrors:
     spare = len(errors.record) - num_samples
     if spare < 0:
         raise ValueError(
             f"The recording has {len(errors.record)} samples at {errors.rate:g} Hz, and a run takes {num_samples}: "
             "use a longer recording or a shorter trajectory."
         )
-    record = jnp.asarray(errors.record)
-
-    def of_run(key):
-        at = jax.random.randint(stream(key, "imu slice"), (), 0, spare + 1)
-        return jax.lax.dynamic_slice_in_dim(record, at, num_samples)
-
-    total = jax.vmap(of_run, out_axes=2)(keys)
-    return Emulated(total, jnp.full((held.position.shape[0], *total.shape[1:]), jnp.nan))
+    first = jax.vmap(lambda key: jax.random.randint(stream(key, "imu slice"), (), 0, spare + 1))(keys)
+    return SlicedErrors(record=jnp.asarray(errors.record), first=first)

@@ -20,7 +20,7 @@ from nav_jax._check import integer, number
 from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState, inject
-from nav_jax.emulation import Held, emulate, held_samples, stream
+from nav_jax.emulation import emulate, stream
 from nav_jax.filter import (
     Gains,
     Inputs,
@@ -52,10 +52,6 @@ class Experiment(eqx.Module):
     start: NavState
     """The truth at the start, one run."""
     initial: InitialUncertainty
-    samples: Int[Array, " L"] | None
-    """IMU sample of each piece, where they are not simply all samples in turn."""
-    held: Held
-    """IMU sample that lasts at the end of each segment."""
     fixes: tuple[Int[Array, "2 _"], ...]
     """Of each sensor: the fixes that are used, by number of the fix and of the segment that ends there."""
     num_samples: int = eqx.field(static=True)
@@ -105,7 +101,6 @@ class Setup:
     def _experiment(
         self, schedule: Schedule, used: list[np.ndarray], initial: InitialUncertainty, earth: FlatEarth
     ) -> Experiment:
-        samples, held = samples_of(schedule, len(self.imu))
         first = self.reference
         p, v, q = (jnp.asarray(a[:1].T) for a in (first.position, first.velocity, first.quaternion))
         return Experiment(
@@ -120,19 +115,10 @@ class Setup:
             self.aiding,
             NavState(p, v, q, jnp.zeros((0, 1))),
             initial,
-            None if np.array_equal(samples, np.arange(len(self.imu))) else jnp.asarray(samples),
-            held_samples(held, len(self.imu)),
             tuple(jnp.asarray(np.stack([np.flatnonzero(u), s])) for u, s in zip(used, self.fix_segments, strict=True)),
             len(self.imu),
             tuple(len(u) for u in used),
         )
-
-
-def samples_of(schedule: Schedule, num_samples: int) -> tuple[Int[np.ndarray, " L"], Int[np.ndarray, " M"]]:
-    """The IMU sample of each piece, and that which lasts at the end of each segment (N, after the last)."""
-    ends = schedule.ends[schedule.pattern].reshape(len(schedule.pattern), -1).astype(int)
-    samples = schedule.start[:, None] + np.cumsum(ends, axis=1) - ends
-    return np.minimum(samples, num_samples - 1).ravel(), samples[:, -1] + ends[:, -1]
 
 
 def timeline_of(
@@ -145,7 +131,8 @@ def timeline_of(
 ) -> Timeline:
     """The schedule of a run with its IMU, as arrays."""
     M, G = schedule.pattern.shape
-    samples, _ = samples_of(schedule, len(imu))
+    # pieces that fill up after the last sample take any
+    samples = np.minimum(schedule.samples, len(imu) - 1)
     sizes = [len(s.axes) for s in sensors]
     valid = np.zeros((M, sum(sizes)))
     for at, size, segments in zip(np.cumsum([0, *sizes]), sizes, fix_segments, strict=False):
@@ -205,12 +192,13 @@ def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], ea
 
 @eqx.filter_jit
 def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys: Key[Array, " R"]) -> Inputs:
-    """Draw what R runs are given: initial errors, sensor errors, measurements. The same for every filter."""
+    """Draw what R runs are given: initial errors, sensor errors, measurements. The same for every filter.
+
+    Errors of the sensors that a model describes are drawn only when a filter comes to them (`emulation.DrawnErrors`).
+    """
     timeline = experiment.timeline
-    M, G, n, _ = timeline.imu.shape
-    num_runs = keys.shape[0]
-    drawn = emulate(truth, keys, experiment.num_samples, experiment.held)
-    errors = drawn.total if experiment.samples is None else drawn.total[experiment.samples]
+    M, num_runs = timeline.pattern.shape[0], keys.shape[0]
+    errors = emulate(truth, keys, experiment.num_samples, timeline.ends[timeline.pattern])
     deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (9,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
@@ -221,7 +209,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
         number_of, segment = fixes
         z.append(jnp.broadcast_to(exact, (M, exact.shape[1], num_runs)).at[segment].add(noise[number_of]))
     z.append(jnp.zeros((M, 0, num_runs)))
-    return Inputs(begin, errors.reshape(M, G, n, 6, num_runs), drawn.lasting, jnp.concatenate(z, axis=1))
+    return Inputs(begin, errors, jnp.concatenate(z, axis=1))
 
 
 @eqx.filter_jit

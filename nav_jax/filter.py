@@ -13,6 +13,7 @@ from jax import Array
 from jaxtyping import Float, Int
 
 from nav_jax.ekf import NavState, Update, correction, inject, mechanise, mechanise_with_motion, update
+from nav_jax.emulation import AbstractErrors
 from nav_jax.error_model import blocks, full, propagate
 from nav_jax.judge import Claim, Judgement, Truth, claim, judge
 from nav_jax.measurements._base import AbstractAiding
@@ -39,10 +40,8 @@ class Inputs(NamedTuple):
     """What R runs are given."""
 
     start: NavState
-    errors: Float[Array, "M G n 6 R"]
+    errors: AbstractErrors
     """Added to the perfect sensors."""
-    lasting: Float[Array, "M 6 R"]
-    """The part of the errors that states can hold, at the end of each segment."""
     z: Float[Array, "M K R"]
     """Measurements; anything where there are none."""
 
@@ -101,29 +100,32 @@ def run_estimate(
     kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
 
     def step(carry, given):
-        state, P, status = carry
-        kind, imu, errors = given
+        state, P, status, noise = carry
+        kind, imu, own = given
+        ends = timeline.ends[kind]
+        noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
-        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n)
+        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.g_n)
         P = propagate(P, motion, jax.tree.map(lambda a: a[kind], kinds))
-        return (state, P, status), state if trace else None
+        return (state, P, status, noise), state if trace else None
 
     def event(carry, given):
-        state, P, status = carry
-        at, z, lasting = given
+        state, P, status, noise = carry
+        at, z, own = given
         whole, done = update(full(P), H, variance, at.valid)
         c, innovation = correction(done.gain, z - _predict(sensors, state), H)
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
-        judgement = judge(state, claim(P, bank), bank, at.truth, lasting)
-        return (state, P, status), (judgement, innovation, done.variance, state)
+        judgement = judge(state, claim(P, bank), bank, at.truth, inputs.errors.lasting(noise, own))
+        return (state, P, status, noise), (judgement, innovation, done.variance, state)
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
-    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32))
-    steps = (timeline.pattern, timeline.imu, inputs.errors)
-    events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.lasting)
-    (_, _, status), (kept, (judgement, innovation, variance_of, states)) = _time_loop(step, event, start, steps, events)
+    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin())
+    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
+    events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.errors.per_segment)
+    last, (kept, (judgement, innovation, variance_of, states)) = _time_loop(step, event, start, steps, events)
+    status = last[2]
     return Outcome(judgement, innovation, variance_of, status, states, kept)
 
 
@@ -168,24 +170,26 @@ def run_reference(
     H, _ = _stacked(sensors)
 
     def step(carry, given):
-        state, status = carry
-        kind, imu, errors = given
-        sensed = imu[:, :, None] + errors
-        state = mechanise(state, sensed, timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n)
-        return (state, status), state if trace else None
+        state, status, noise = carry
+        kind, imu, own = given
+        ends = timeline.ends[kind]
+        noise, errors = inputs.errors.step(noise, ends, own)
+        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.g_n)
+        return (state, status, noise), state if trace else None
 
     def event(carry, given):
-        state, status = carry
-        at, known, z, lasting = given
+        state, status, noise = carry
+        at, known, z, own = given
         c, innovation = correction(known.update.gain, z - _predict(sensors, state), H)
         state = inject(state, c)
         status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
-        return (state, status), (judge(state, known.claim, bank, at.truth, lasting), innovation, state)
+        judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own))
+        return (state, status, noise), (judgement, innovation, state)
 
-    start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32))
-    steps = (timeline.pattern, timeline.imu, inputs.errors)
-    events = (_Event(timeline.truth, timeline.valid), gains, inputs.z, inputs.lasting)
-    (_, status), (kept, (judgement, innovation, states)) = _time_loop(step, event, start, steps, events)
+    start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
+    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
+    events = (_Event(timeline.truth, timeline.valid), gains, inputs.z, inputs.errors.per_segment)
+    (_, status, _), (kept, (judgement, innovation, states)) = _time_loop(step, event, start, steps, events)
     return Outcome(judgement, innovation, gains.update.variance, status, states, kept)
 
 

@@ -1,6 +1,6 @@
 """Monte Carlo: hundreds of runs of one filter or of several, chunk by chunk, on all cores.
 
-A chunk of runs is drawn once and given to every filter: common random numbers. Chunks go to a pool of threads (JAX
+Every filter is given the same keys, and so the same noise: common random numbers. Chunks go to a pool of threads (JAX
 releases the interpreter while it computes), so that the covariances of a chunk stay in the cache of one core; the
 numbers of a run depend on its key alone.
 """
@@ -115,8 +115,7 @@ def compare(
         Uncertainty of the start, from which initial errors are drawn; none if not given.
     gains
         ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
-        to first order in the errors, the filter ten times faster (drawing the errors takes as long as before); not for
-        errors so large that they bend the filter.
+        to first order in the errors and several times faster; not for errors so large that they bend the filter.
     every
         Number of IMU samples in a covariance step; the transition is accumulated over all of them.
     output_interval

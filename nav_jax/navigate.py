@@ -16,6 +16,7 @@ from nav_jax._table import format_table
 from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState
+from nav_jax.emulation import GivenErrors
 from nav_jax.experiment import start_covariance, timeline_of
 from nav_jax.filter import Inputs, run_estimate
 from nav_jax.initial import InitialUncertainty
@@ -190,7 +191,8 @@ def navigate(
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
     for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
         z[segments, a:b, 0] = f.value
-    inputs = Inputs(begin, jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, 6, 1)), jnp.asarray(z))
+    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, 6, 1)))
+    inputs = Inputs(begin, none, jnp.asarray(z))
     outcome = _run(timeline, bank, sensors, inputs, start_covariance(initial, bank))
     outcome = jax.tree.map(lambda a: np.asarray(a)[..., 0], outcome)
     status = Status(int(outcome.status))

@@ -21,8 +21,6 @@ class Schedule:
 
     time: Float[np.ndarray, " M"]
     """s, of the end of each segment."""
-    start: Int[np.ndarray, " M"]
-    """First IMU sample of each segment; its pieces use this one and those that follow."""
     pattern: Int[np.ndarray, "M G"]
     """Which kind of covariance step: a row of `dt` and `ends`."""
     dt: Float[np.ndarray, "U n"]
@@ -36,6 +34,12 @@ class Schedule:
     def num_pieces(self) -> int:
         """Pieces in a segment, fillers included."""
         return self.pattern.shape[1] * self.dt.shape[1]
+
+    @property
+    def samples(self) -> Int[np.ndarray, " L"]:
+        """IMU sample of each of all L pieces; of one that fills up, the next."""
+        ends = self.ends[self.pattern].ravel().astype(int)
+        return np.cumsum(ends) - ends
 
 
 def make_schedule(epochs: Float[np.ndarray, " E"], events: Float[np.ndarray, " K"], every: int = 1) -> Schedule:
@@ -78,19 +82,15 @@ def make_schedule(epochs: Float[np.ndarray, " E"], events: Float[np.ndarray, " K
     starts_at = np.concatenate([[0], ends_at[:-1]])
     size = np.diff(bounds)
     is_end = bounds[1:] == np.rint(bounds[1:])
-    sample = np.floor(bounds[:-1]).astype(int)
     dt, ends = np.zeros((len(ends_at), longest)), np.zeros((len(ends_at), longest))
-    start = np.zeros(len(ends_at), dtype=int)
     for i, (a, b) in enumerate(zip(starts_at, ends_at, strict=True)):
         dt[i, : b - a], ends[i, : b - a] = size[a:b] * step, is_end[a:b]
-        start[i] = sample[min(a, len(sample) - 1)]
     rounded = np.round(np.concatenate([dt / step, ends], axis=1).reshape(len(ends_at), 2, -1, every), 9)
     kinds = np.moveaxis(rounded, 1, 2).reshape(-1, 2 * every)
     unique, pattern = np.unique(kinds, axis=0, return_inverse=True)
     times = epochs[0] + bounds[ends_at] * step
     return Schedule(
         times,
-        start,
         pattern.reshape(len(ends_at), -1),
         unique[:, :every] * step,
         unique[:, every:],

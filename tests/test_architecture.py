@@ -36,7 +36,7 @@ NAV_JAX = """
     rotation linalg earth
     attitudes trajectory motions _columns _quantities trajectory_io
     strapdown sensors
-    layout sensor_bank recorded noise emulation
+    layout sensor_bank recorded noise counter emulation
     measurements/__init__ measurements/_base measurements/_ned
     measurements/gnss_position measurements/gnss_velocity measurements/barometer
     initial schedule

@@ -5,6 +5,7 @@ import numpy as np
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.emulation import GivenErrors, write_out
 from nav_jax.filter import Inputs
 
 GRAVITY = 9.8056
@@ -49,10 +50,21 @@ def quiet_inputs(experiment, num_states=0, num_runs=1):
     start = type(start)(*(jnp.tile(a, (1, num_runs)) for a in start[:3]), jnp.zeros((num_states, num_runs)))
     return Inputs(
         start,
-        jnp.zeros((M, G, n, 6, num_runs)),
-        jnp.zeros((M, 6, num_runs)),
+        GivenErrors(jnp.zeros((M, G, n, 6, num_runs)), jnp.zeros((M, 6, num_runs))),
         jnp.tile(z[:, :, None], (1, 1, num_runs)),
     )
+
+
+def samples(experiment):
+    """The IMU sample of each piece; for one that fills up a segment, any."""
+    ends = np.asarray(experiment.timeline.ends)[np.asarray(experiment.timeline.pattern)].ravel().astype(int)
+    return np.minimum(np.cumsum(ends) - ends, experiment.num_samples - 1)
+
+
+def given(experiment, inputs):
+    """The inputs with their errors as arrays."""
+    timeline = experiment.timeline
+    return inputs._replace(errors=write_out(inputs.errors, timeline.ends[timeline.pattern]))
 
 
 def skew(a):

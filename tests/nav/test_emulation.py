@@ -1,5 +1,8 @@
 """Emulated errors against theory, and what they may not depend on."""
 
+from typing import Any, NamedTuple
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,8 +11,7 @@ from helpers import assert_covariance, assert_mean
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax import emulation
-from nav_jax.emulation import normals
+from nav_jax.emulation import emulate, write_out
 
 RATE = 100.0
 RUNS = 4000
@@ -17,10 +19,20 @@ WHITE = gj.WN(1e-4)
 MODEL = gj.WN(4.0) + gj.AR1(0.9, 1.0)
 
 
-def emulate(errors, keys, num_samples):
-    """With the lasting part at all samples."""
-    every = emulation.held_samples(np.arange(num_samples), num_samples)
-    return emulation.emulate(errors, keys, num_samples, every)
+class Whole(NamedTuple):
+    total: Any
+    lasting: Any
+
+
+@eqx.filter_jit
+def emulated(errors, keys, num_samples):
+    """The errors of each sample (N, 6, R) and the part of it that lasts."""
+    ends = jnp.ones((num_samples, 1, 1))
+    source = emulate(errors, keys, num_samples, ends)
+    given = write_out(source, ends)
+    # what lasts at the end of a sample is that of the next
+    first = source.lasting(source.begin(), None)
+    return Whole(given.per_step[:, 0, 0], jnp.concatenate([first[None], given.per_segment[:-1]]))
 
 
 def keys(num=RUNS, seed=1):
@@ -28,7 +40,7 @@ def keys(num=RUNS, seed=1):
 
 
 def drawn(accel, num_samples=30, num=RUNS, **options):
-    out = emulate(nj.ImuErrors(accel, WHITE, RATE, **options), keys(num), num_samples)
+    out = emulated(nj.ImuErrors(accel, WHITE, RATE, **options), keys(num), num_samples)
     return np.asarray(out.total), np.asarray(out.lasting)
 
 
@@ -81,40 +93,45 @@ def test_quantisation_noise_is_added_and_does_not_last():
 
 def test_a_run_does_not_depend_on_the_others():
     errors = nj.ImuErrors(MODEL, WHITE, RATE)
-    many = emulate(errors, keys(20), 50).total
-    few = emulate(errors, keys(20)[7:9], 50).total
+    many = emulated(errors, keys(20), 50).total
+    few = emulated(errors, keys(20)[7:9], 50).total
     np.testing.assert_allclose(many[..., 7:9], few, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("model", [MODEL, MODEL + gj.QN(0.1)], ids=["states", "with quantisation"])
 def test_a_longer_run_begins_as_a_shorter_one(model):
-    """Also where another block of random numbers begins (1000 samples)."""
     errors = nj.ImuErrors(model, WHITE, RATE)
-    long, short = (np.asarray(emulate(errors, keys(2), n).total) for n in (2300, 1001))
-    np.testing.assert_allclose(long[:1001], short, rtol=1e-12, atol=1e-14)
+    long, short = (np.asarray(emulated(errors, keys(2), n).total) for n in (230, 101))
+    np.testing.assert_allclose(long[:101], short, rtol=1e-12, atol=1e-14)
 
 
 def test_another_process_leaves_the_rest_alone():
     """What is added is added: the white noise and the processes that were there keep their numbers."""
-    one = emulate(nj.ImuErrors(MODEL, WHITE, RATE), keys(3), 40)
-    two = emulate(nj.ImuErrors(MODEL + gj.RW(1.0), WHITE + gj.RW(1.0), RATE), keys(3), 40)
-    walk = emulate(nj.ImuErrors(gj.WN(0.0) + gj.RW(1.0), gj.RW(1.0), RATE), keys(3), 40)
+    one = emulated(nj.ImuErrors(MODEL, WHITE, RATE), keys(3), 40)
+    two = emulated(nj.ImuErrors(MODEL + gj.RW(1.0), WHITE + gj.RW(1.0), RATE), keys(3), 40)
+    walk = emulated(nj.ImuErrors(gj.WN(0.0) + gj.RW(1.0), gj.RW(1.0), RATE), keys(3), 40)
     np.testing.assert_allclose(two.total, np.asarray(one.total) + walk.lasting, rtol=0, atol=1e-12)
 
 
-def test_streams_differ():
-    names = ("a", "b")
-    x = np.asarray(normals(keys(2), names, 500, jnp.uint32(0))).reshape(500, 4)
-    other = np.asarray(normals(keys(2), names, 500, jnp.uint32(1))).reshape(500, 4)
-    correlation = np.corrcoef(np.hstack([x, other]), rowvar=False) - np.eye(8)
-    assert np.abs(correlation).max() < 4.5 / np.sqrt(500)
-    assert np.asarray(normals(keys(2), names, 3, jnp.uint32(0))).shape == (3, 2, 2)
+def test_a_sample_in_several_pieces_has_one_error():
+    """Pieces that do not end their sample, and steps of several pieces, change nothing."""
+    errors = nj.ImuErrors(MODEL, WHITE, RATE)
+    whole = emulated(errors, keys(2), 5)
+    ends = jnp.array([[[1.0, 0.0, 1.0], [0.0, 0.0, 1.0]], [[1.0, 1.0, 0.0], [0.0, 0.0, 0.0]]])
+    given = write_out(emulate(errors, keys(2), 5, ends), ends)
+    pieces = np.asarray(given.per_step).reshape(12, 6, 2)
+    np.testing.assert_allclose(pieces[:8], whole.total[jnp.array([0, 1, 1, 2, 2, 2, 3, 4])], rtol=1e-12)
+    np.testing.assert_allclose(given.per_segment[0], whole.lasting[3], rtol=1e-12)
+    quantised = nj.ImuErrors(MODEL + gj.QN(0.1), WHITE, RATE)
+    given = write_out(emulate(quantised, keys(2), 5, ends), ends)
+    expected = emulated(quantised, keys(2), 5).total[jnp.array([0, 1, 1, 2, 2, 2, 3, 4])]
+    np.testing.assert_allclose(np.asarray(given.per_step).reshape(12, 6, 2)[:8], expected, rtol=1e-12)
 
 
 def test_slices_of_a_recording():
     record = np.arange(300.0)[:, None] * np.arange(1.0, 7.0)
     recorded = nj.RecordedErrors(record[:, :3], record[:, 3:], RATE)
-    out = emulate(recorded, keys(200), 100)
+    out = emulated(recorded, keys(200), 100)
     total = np.asarray(out.total)
     assert np.isnan(out.lasting).all()
     first = total[0, 0] + 149.5
@@ -126,5 +143,5 @@ def test_slices_of_a_recording():
     expected = (first[None, :] + np.arange(100.0)[:, None] - 149.5)[:, None, :] * np.arange(1.0, 7.0)[None, :, None]
     np.testing.assert_allclose(total, expected, rtol=0, atol=1e-9)
     with pytest.raises(ValueError, match="recording has 300 samples"):
-        emulate(recorded, keys(2), 301)
-    np.testing.assert_allclose(emulate(recorded, keys(1), 300).total[:, 0, 0], np.arange(300.0) - 149.5)
+        emulated(recorded, keys(2), 301)
+    np.testing.assert_allclose(emulated(recorded, keys(1), 300).total[:, 0, 0], np.arange(300.0) - 149.5)

@@ -16,6 +16,7 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.emulation import GivenErrors
 from nav_jax.rotation import quat_conjugate, quat_from_euler, quat_multiply, quat_to_rotvec
 
 EARTH = nj.FlatEarth(setups.GRAVITY)
@@ -79,7 +80,8 @@ def run_ours(r, case, **options):
     for k, *fix in data[name + "_gps"].T:
         z[round(k), :6, 0] += fix - truth[round(k), [1, 2, 3, 7, 8, 9]]
     z[:, 6, 0] += data[name + "_baro"][1] + truth[:, 3]
-    inputs = inputs._replace(errors=jnp.asarray(noise[e.samples].reshape(inputs.errors.shape)), z=jnp.asarray(z))
+    errors = noise[setups.samples(e)].reshape(inputs.errors.per_step.shape)
+    inputs = inputs._replace(errors=GivenErrors(jnp.asarray(errors), inputs.errors.per_segment), z=jnp.asarray(z))
     judged = jax.tree.map(np.asarray, nj.run_filter(e, model, inputs).judgement)
     return judged.error[1:, :9, 0], judged.sd[1:, :9, 0]
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.emulation import GivenErrors
 from nav_jax.filter import run_estimate
 from nav_jax.rotation import dcm_from_quat
 from nav_jax.status import Status
@@ -87,8 +88,8 @@ def test_a_run_is_that_of_a_textbook_filter(key, which):
         events.append((t, H[use], R[np.ix_(use, use)], np.asarray(inputs.z[m, use, 0])))
     # the samples, once each: a sample cut in two appears twice among the pieces
     total = np.zeros((1000, 6))
-    pieces = np.asarray(e.samples)
-    total[pieces] = np.asarray(e.timeline.imu + inputs.errors[..., 0]).reshape(-1, 6)
+    drawn = setups.given(e, inputs).errors.per_step[..., 0]
+    total[setups.samples(e)] = np.asarray(e.timeline.imu + drawn).reshape(-1, 6)
     P = np.zeros((9 + bank.size,) * 2)
     P[:9, :9], P[9:, 9:] = start.covariance, bank.initial
     begin = inputs.start
@@ -188,10 +189,10 @@ def test_no_attitude_is_singular(key, motion):
 def test_a_run_that_overflows_is_marked_and_leaves_the_others_alone(key):
     errors = white()
     e = experiment(nj.lemniscate(10.0, setups.RATE), setups.aiding())
-    inputs = nj.draw_inputs(e, errors, nj.run_keys(key, 0, 16))
+    inputs = setups.given(e, nj.draw_inputs(e, errors, nj.run_keys(key, 0, 16)))
     fine = nj.run_filter(e, errors, inputs)
-    broken = inputs._replace(errors=inputs.errors.at[5, 3, 0, 0, 2].set(1e308).at[5, 4, 0, 0, 2].set(1e308))
-    out = nj.run_filter(e, errors, broken)
+    huge = inputs.errors.per_step.at[5, 3:5, 0, 0, 2].set(1e308)
+    out = nj.run_filter(e, errors, inputs._replace(errors=GivenErrors(huge, inputs.errors.per_segment)))
     expected = np.zeros(16, int)
     expected[2] = Status.non_finite
     np.testing.assert_array_equal(out.status, expected)

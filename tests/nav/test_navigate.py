@@ -28,9 +28,8 @@ def emulated():
     inputs = nj.draw_inputs(e, ERRORS, nj.run_keys(jax.random.key(8), 0, 1))
     outcome = nj.run_filter(e, ERRORS, inputs)
     perfect, truth = nj.perfect_imu(REFERENCE, setups.RATE)
-    pieces = np.arange(600) if e.samples is None else np.asarray(e.samples)
     errors = np.zeros((600, 6))
-    errors[pieces] = np.asarray(inputs.errors).reshape(-1, 6)
+    errors[setups.samples(e)] = np.asarray(setups.given(e, inputs).errors.per_step).reshape(-1, 6)
     imu = replace(perfect, accel=perfect.accel + errors[:, :3], gyro=perfect.gyro + errors[:, 3:])
     times = np.cumsum(np.asarray(e.timeline.dt)[np.asarray(e.timeline.pattern)].sum(axis=(1, 2)))
     aiding, column = [], 0

@@ -5,14 +5,13 @@ import pytest
 from nav import setups
 
 import nav_jax as nj
-from nav_jax.experiment import samples_of
 from nav_jax.schedule import make_schedule
 
 
 def assert_right(epochs, events, every):
     s = make_schedule(epochs, events, every)
     M, G = s.pattern.shape
-    n, num, step = s.dt.shape[1], len(epochs) - 1, epochs[1] - epochs[0]
+    n, step = s.dt.shape[1], epochs[1] - epochs[0]
     assert n == every
     assert s.num_pieces == G * n
     dt, ends = (a[s.pattern].reshape(M, -1) for a in (s.dt, s.ends))
@@ -24,15 +23,13 @@ def assert_right(epochs, events, every):
     assert dt.max() <= step * (1 + 1e-9)
     assert not ends[dt == 0].any()
     # by hand: time goes on piece by piece, and each uses the sample that it lies in
-    samples, held = samples_of(s, num)
-    samples, t = samples.reshape(M, -1), epochs[0]
+    samples, t = s.samples.reshape(M, -1), epochs[0]
     for m in range(M):
         for piece, end, sample in zip(dt[m], ends[m], samples[m], strict=True):
             if piece:
                 assert sample == np.floor((t - epochs[0]) / step + 1e-5)
                 t += piece
                 assert end == (abs((t - epochs[0]) / step - np.rint((t - epochs[0]) / step)) < 1e-5)
-        assert held[m] == np.floor((t - epochs[0]) / step + 1e-5)
     # all that lies between is used once
     np.testing.assert_allclose(dt.sum(), max(events) - epochs[0], rtol=0, atol=1e-5 * step)
     return s
