@@ -74,7 +74,9 @@ class DrawnErrors(AbstractErrors):
     """Factor of the covariance of the states' noise: its diagonal where the bank is diagonal."""
     white: Float[Array, "6 1"]
     x: Float[Array, "S R"]
-    """States at the start."""
+    """States at the first sample."""
+    total: Float[Array, "6 R"]
+    """Errors of the first sample."""
     keys: UInt32[Array, "2 R"]
     per_step: Float[Array, "M G n 6 R"] | None
     """Errors of the processes without a state."""
@@ -82,9 +84,9 @@ class DrawnErrors(AbstractErrors):
     per_segment: None = None
 
     def begin(self) -> Any:
-        """States, number of the sample, and its random numbers."""
+        """States and errors of a sample, its number, and the random numbers that lead to the next."""
         t = jnp.uint32(0)
-        return self.x, t, self._normals(t)
+        return self.x, self.total, t, self._normals(t)
 
     def _normals(self, t: UInt32[Array, ""]) -> Array:
         return normals(self.keys, np.array(self.streams, dtype=np.uint32), t)
@@ -94,14 +96,14 @@ class DrawnErrors(AbstractErrors):
         size = len(self.bank.states)
 
         def piece(carry, end):
-            x, t, e = carry
+            # All is made a sample ahead: a carry is computed once, and not once in every expression that uses it.
+            x, errors, t, e = carry
             noise = e.astype(x.dtype)
-            errors = self.bank.errors(x) + self.white * noise[size:]
             driven = self.gain[:, None] * noise[:size] if self.bank.diagonal else self.gain @ noise[:size]
             x = self.bank.advance(x, end) + end * driven
+            following = jnp.where(end > 0, self.bank.errors(x) + self.white * noise[size:], errors)
             t = t + end.astype(t.dtype)
-            # Drawn a sample ahead: as a carry it is computed once, and not once in every expression that uses it.
-            return (x, t, self._normals(t)), errors
+            return (x, following, t, self._normals(t)), errors
 
         if len(ends) == 1:
             carry, errors = piece(carry, ends[0])
@@ -170,18 +172,20 @@ def emulate(
         return _sliced(errors, keys, num_samples)
     bank = errors.bank()
     words = counter_keys(jax.vmap(lambda k: stream(k, "imu"))(keys))
-    names = [str(state) for state in bank.states]
+    names = [str(state) for state in bank.states] + [f"{channel} white" for channel in CHANNELS]
     start = np.array([_number(f"{n} start") for n in names], dtype=np.uint32)
     deviation = normals(words, start, jnp.uint32(0)).astype(bank.initial.dtype)
-    gain = factor(bank.driving)
+    size, gain, white = len(bank.states), factor(bank.driving), root(bank.white)[:, None]
+    x = factor(bank.initial) @ deviation[:size]
     return DrawnErrors(
         bank=bank,
         gain=jnp.diag(gain) if bank.diagonal else gain,
-        white=root(bank.white)[:, None],
-        x=factor(bank.initial) @ deviation,
+        white=white,
+        x=x,
+        total=bank.errors(x) + white * deviation[size:],
         keys=words,
         per_step=_stateless(errors, keys, num_samples, ends),
-        streams=tuple(_number(n) for n in names) + tuple(_number(f"{channel} white") for channel in CHANNELS),
+        streams=tuple(_number(n) for n in names),
     )
 
 

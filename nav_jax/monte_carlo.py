@@ -28,11 +28,8 @@ from nav_jax.runs import Runs, Track
 from nav_jax.status import Status
 from nav_jax.trajectory import Trajectory
 
-CHUNK_SIZE = 64
-"""Most runs in a chunk: the fastest of 16, 32, 64 on two cores with 24 states and gains of each run (benchmarks)."""
-
-_LANES = 8
-"""Runs that one vector instruction takes; a chunk is a multiple of it."""
+_SIZES = range(64, 129, 8)
+"""Runs in a chunk: whole vectors, and enough of them; more is no faster (benchmarks) and later to be interrupted."""
 
 
 def monte_carlo(
@@ -162,12 +159,9 @@ def compare(
         every=every,
         output_interval=output_interval,
     )
-    size = integer("chunk_size", CHUNK_SIZE if chunk_size is None else chunk_size, 1)
     on_cpu = jax.default_backend() == "cpu"
     workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
-    if chunk_size is None:  # as many chunks for each thread, and little that fills up the last
-        rounds = -(-num_runs // (size * workers))
-        size = -(-num_runs // (rounds * workers * _LANES)) * _LANES
+    size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     shared = {name: gains_of(setup.experiment, f) if gains == "reference" else None for name, f in filters.items()}
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
@@ -231,6 +225,15 @@ def _collect(waiting: dict, collected: dict, complete: np.ndarray, names: list[s
             collected[name].take(chunk * size, output)
             complete[chunk, names.index(name)] = True
             bar.update(size)
+
+
+def _chunk_size(num_runs: int, workers: int) -> int:
+    """The size with as many chunks for each thread, and as few runs as may be that only fill up the last."""
+    each = -(-num_runs // workers)
+    step, smallest = _SIZES.step, _SIZES[0]
+    if each <= smallest:
+        return -(-each // step) * step
+    return min(_SIZES, key=lambda size: (-(-each // size) * size, size))
 
 
 def _cores() -> int:
