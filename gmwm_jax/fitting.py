@@ -1,5 +1,7 @@
 """`fit`: from a wavelet variance and a model to its estimates, all channels at once."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -16,14 +18,29 @@ from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
-from gmwm_jax.result import DEFAULT, GIVEN, TWO_STEP, Fit, Fits, Status
+from gmwm_jax.result import Fit, Fits, Status
 from gmwm_jax.start import lattice
 from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
+from gmwm_jax.weights import (
+    DEFAULT,
+    GIVEN,
+    ITERATED,
+    STEPPED,
+    covariance_weights,
+    default_weights,
+    given_weights,
+    require_theory,
+    two_step_weights,
+)
 
 _SIZE = 1e3
 """Largest entry of L' nu_hat as the search sees it, whatever the weights: its tolerances then mean the same always."""
 
 _BEYOND = "beyond floating point: take other units, or scale the data."
+
+_MAX_ITERATIONS = 20
+_SETTLED = 1e-6
+"""Relative change of the fitted variance at which iterated weights are final."""
 
 
 def fit(
@@ -51,7 +68,9 @@ def fit(
         Weights: None for 1/(ci_high - ci_low)^2 on the diagonal, the choice of R's simts, so that objectives compare
         (those of intervals at 95 %; a wavelet variance with intervals at another level has other objectives);
         ``"two-step"`` for the same with the variance of that first fit in place of the measured one, which takes out
-        a bias (see Notes); or a vector (J,), the diagonal; or a positive definite matrix (J, J).
+        a bias (see Notes); ``"covariance"`` for the inverse of the whole covariance of the wavelet variance under that
+        two-step fit; ``"iterated"`` for the same until it no longer changes; or a vector (J,), the diagonal; or a
+        positive definite matrix (J, J).
     key
         Moves the starting points at random. The result should not depend on it; to check that is its use.
     level
@@ -66,10 +85,10 @@ def fit(
     Raises
     ------
     ValueError
-        More free parameters than scales, unknown process, bad weights, a rate that disagrees with the data, a level
-        outside 0 to 1.
+        More free parameters than scales, unknown process, bad weights, weights from a covariance that is not known or
+        singular, a rate that disagrees with the data, a level outside 0 to 1.
     RuntimeError
-        x64 is off, or (with `throw`) a search that did not converge.
+        x64 is off, or (with `throw`) a search that did not converge, iterated weights that did not settle.
     TypeError
         Data, model or key of another kind.
 
@@ -95,14 +114,22 @@ def fit(
             "take a longer record, a smaller model, or hold parameters."
         )
     channels = [wv[i] for i in range(len(wv.channels))]
-    if isinstance(omega, str) and omega != TWO_STEP:
-        raise ValueError(f'omega must be None, "{TWO_STEP}" or an array, and is {omega!r}.')
+    if isinstance(omega, str) and omega not in STEPPED:
+        names = ", ".join(f'"{name}"' for name in STEPPED)
+        raise ValueError(f"omega must be None, {names} or an array, and is {omega!r}.")
     weights = DEFAULT if omega is None else omega if isinstance(omega, str) else GIVEN
-    omegas = [_weights(None if weights == TWO_STEP else omega, channel) for channel in channels]
     search = partial(_fit_channels, channels, model, rate=rate, key=key, level=level, weights=weights)
-    fits = search(omegas)
-    if weights == TWO_STEP:
-        fits = search([_second_step(f) for f in fits])
+    if weights == GIVEN:
+        fits = search([given_weights(omega, channel) for channel in channels])
+    else:
+        fits = search([default_weights(channel) for channel in channels])
+    if weights in STEPPED:
+        fits = search([_next_weights(f, two_step_weights) for f in fits])
+    if weights in STEPPED[1:]:
+        require_theory(wv, weights)
+        fits = search([_next_weights(f, covariance_weights) for f in fits])
+    if weights == ITERATED:
+        fits = _iterate(search, fits)
     if throw:
         for f in fits:
             if f.status is not Status.converged:
@@ -200,7 +227,23 @@ def objective(wv: WaveletVariance | Recording, model: str | AbstractProcess | Co
     if not wv.is_single:
         raise ValueError(f"Choose one channel, as in wv[{wv.channels[0]!r}]: there are {wv.channels}.")
     residual = wv.variance - np.asarray(as_model(model).wavelet_variance(wv.scales))
-    return float(residual @ _weights(omega, wv) @ residual)
+    return float(residual @ (default_weights(wv) if omega is None else given_weights(omega, wv)) @ residual)
+
+
+def _next_weights(fit: Fit, weights: Callable[..., np.ndarray]) -> Float[np.ndarray, "J J"]:
+    """Weights under a fit; those it had if there is none."""
+    return fit.omega if fit.status is Status.non_finite else weights(fit.model, fit.wv)
+
+
+def _iterate(search: Callable[..., list[Fit]], fits: list[Fit]) -> list[Fit]:
+    """Repeat the fit of all channels with the weights under the last one, until none changes."""
+    for _ in range(_MAX_ITERATIONS):
+        before = fits
+        fits = search([_next_weights(f, covariance_weights) for f in fits])
+        change = [np.max(np.abs(f.fitted / b.fitted - 1)) for f, b in zip(fits, before, strict=True)]
+        if np.max(change) < _SETTLED:
+            return fits
+    return [f if c < _SETTLED else replace(f, status=Status.unsettled) for f, c in zip(fits, change, strict=True)]
 
 
 def _minimise_channels(
@@ -291,37 +334,3 @@ def _status(solution: Solution) -> Status:
     # the first-order gain of moving a correlation time by a tenth of its logarithm is below 1e-5 of the objective
     small = 1e-4 * solution.objective + 1e-10 * _SIZE**2
     return Status.converged if solution.slope <= small else Status.stalled
-
-
-def _weights(omega: Any, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
-    """Omega as a matrix, checked."""
-    J = wv.num_scales
-    if omega is None:
-        with np.errstate(divide="ignore", over="ignore"):
-            weights = 1 / (wv.ci_high - wv.ci_low) ** 2
-        if not np.all(np.isfinite(weights) & (weights > 0)):
-            raise ValueError(
-                f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of widths are {_BEYOND}"
-            )
-        return np.diag(weights)
-    omega = np.asarray(omega, dtype=np.float64)
-    if omega.shape == (J,):
-        omega = np.diag(omega)
-    if omega.shape != (J, J):
-        raise ValueError(f"omega must have the shape ({J},) or ({J}, {J}), one entry a scale; it has {omega.shape}.")
-    if not np.all(np.isfinite(omega)) or not np.allclose(omega, omega.T, rtol=1e-10, atol=0):
-        raise ValueError("omega must be finite and symmetric.")
-    scale = np.sqrt(np.abs(np.diag(omega)))
-    if np.any(scale == 0) or np.linalg.eigvalsh(omega / np.outer(scale, scale))[0] <= 0:
-        raise ValueError("omega must be positive definite: every eigenvalue above zero.")
-    return omega
-
-
-def _second_step(fit: Fit) -> Float[np.ndarray, "J J"]:
-    """The default weights with the fitted variance in place of the measured one."""
-    if fit.status is Status.non_finite:
-        return fit.omega
-    wv = fit.wv
-    if np.any(fit.fitted <= 0):
-        raise ValueError(f"{TWO_STEP} weights need a model with a variance, and {fit.model} has none at some scale.")
-    return np.diag((wv.variance / (fit.fitted * (wv.ci_high - wv.ci_low))) ** 2)

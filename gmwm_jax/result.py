@@ -17,15 +17,11 @@ from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance import WaveletVariance
+from gmwm_jax.weights import COVARIANCE, ITERATED, covariance_weights, two_step_weights
 from gmwm_jax.wv_covariance import wv_covariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-DEFAULT = "default"
-TWO_STEP = "two-step"
-GIVEN = "given"
 
 
 class Status(enum.Enum):
@@ -33,6 +29,7 @@ class Status(enum.Enum):
 
     converged = "converged"
     stalled = "stopped at the step limit with a slope left: the objective is close to its minimum, not at it"
+    unsettled = "the iterated weights still change after 20 rounds"
     non_finite = "no finite objective: the wavelet variance or the weights are beyond floating point"
 
 
@@ -52,7 +49,7 @@ class Fit:
     omega
         Omega, shape (J, J).
     weights
-        Where Omega is from: ``default``, ``two-step`` or ``given``.
+        Where Omega is from: ``default``, ``two-step``, ``covariance``, ``iterated`` or ``given``.
     status
         How the search ended.
     at_boundary
@@ -164,6 +161,28 @@ class Fit:
         whitener = np.linalg.cholesky(self.omega).T
         return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
 
+    def efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
+        """Smallest variance that weights can give, over that with `omega`, of each active parameter; to first order.
+
+        Parameters
+        ----------
+        omega
+            Weights, by default those of this fit.
+
+        Returns
+        -------
+        Between 0 and 1; None where there is no theory of the wavelet variance.
+        """
+        V = self.wv_covariance
+        if V is None or not self.active:
+            return None
+        best, used = covariance_weights(self.model, self.wv), self.omega if omega is None else omega
+        variances = [
+            np.diag(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(o).T, V))
+            for o in (best, used)
+        ]
+        return variances[0] / variances[1]
+
     # -- tables ---------------------------------------------------------------------------------------------------
 
     def parameters(self) -> EstimateTable:
@@ -217,6 +236,10 @@ class Fit:
         ]
         if self.rate:
             lines += ["", str(self.continuous()), "", str(self.datasheet())]
+        diagonal = self.efficiency(two_step_weights(self.model, wv)) if self.weights in (COVARIANCE, ITERATED) else None
+        if diagonal is not None:
+            shares = ", ".join(f"{100 * e:.0f} %" for e in diagonal)
+            lines += ["", f"Weights on the diagonal only would have an efficiency of {shares} in these parameters."]
         if self.wv_covariance is None:
             lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, and the MODWT."]
         return "\n".join(lines)

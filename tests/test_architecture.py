@@ -26,7 +26,7 @@ GMWM_JAX = """
     recording io datasets
     variance
     _nnls start estimate
-    wv_covariance inference estimates
+    wv_covariance inference estimates weights
     result allan fitting
     plot demo cli __main__
     __init__

@@ -469,7 +469,7 @@ def test_a_fit_knows_its_weights():
         fit = gj.fit(wv, "WN", omega=omega)
         assert fit.weights == fit.to_dict()["weights"] == name
         assert f"({name} weights)" in fit.summary()
-    with pytest.raises(ValueError, match='"two-step" or an array'):
+    with pytest.raises(ValueError, match='"covariance", "iterated" or an array'):
         gj.fit(wv, "WN", omega="optimal")
 
 
