@@ -27,6 +27,7 @@ from gmwm_jax.allan import SlopeRegression as SlopeRegression
 from gmwm_jax.allan import allan_deviation as allan_deviation
 from gmwm_jax.allan import read_off as read_off
 from gmwm_jax.allan import slope_regression as slope_regression
+from gmwm_jax.bootstrapping import bootstrap as bootstrap
 from gmwm_jax.datasheet import from_datasheet as from_datasheet
 from gmwm_jax.estimates import Estimate as Estimate
 from gmwm_jax.estimates import EstimateTable as EstimateTable
@@ -47,6 +48,7 @@ from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
 from gmwm_jax.processes.white_noise import WN as WN
 from gmwm_jax.recording import Recording as Recording
+from gmwm_jax.replicates import Bootstrap as Bootstrap
 from gmwm_jax.result import Fit as Fit
 from gmwm_jax.result import Fits as Fits
 from gmwm_jax.result import Status as Status

@@ -14,7 +14,7 @@ with P the projection off the passive columns; the gradient dr' r = -r' dB c is 
 proportional to r.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +28,8 @@ from gmwm_jax.processes._base import AbstractProcess
 NUM_ROUNDS = 2
 NUM_DESCENTS = 12
 """Descents in a round."""
+SIZE = 1e3
+"""Largest entry of L' nu_hat as the search sees it, whatever the weights: its tolerances then mean the same always."""
 _MAX_STEPS = 100
 _TOLERANCE = 1e-9
 
@@ -71,6 +73,14 @@ class Solution(NamedTuple):
     """Largest |dQ/du| over the shapes: what moving a correlation time by a factor e would still gain."""
     num_agreeing: Int[Array, ""]
     """How many descents ended within 1e-6 relative of the minimum."""
+
+
+def smallest_slope(objective: Any) -> Any:
+    """The slope below which a search is at its minimum, for data of `SIZE`.
+
+    The first-order gain of moving a correlation time by a tenth of its logarithm is then below 1e-5 of the objective.
+    """
+    return 1e-4 * objective + 1e-10 * SIZE**2
 
 
 def fold(u: Float[Array, " K"], bounds: Float[Array, "K 2"]) -> Float[Array, " K"]:
@@ -185,25 +195,13 @@ def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "
     component that the first round wasted (at zero, or doubling another) finds its place.
     """
     if layout.num_shapes == 0:
-        inner = _project(layout, _design(layout, None, data), data)
-        objective = jnp.sum(inner.residual * inner.residual)
-        return Solution(lattice[0], inner.amplitudes, objective, jnp.zeros(()), jnp.asarray(1))
+        return _linear(layout, data)
 
     residual = jax.jit(_residual_function(layout))
-    method = optx.LevenbergMarquardt(rtol=_TOLERANCE, atol=_TOLERANCE)
 
     def value(u: Array) -> Array:
         r, _ = residual(u, data)
         return jnp.sum(r * r)
-
-    def descend(start: Array) -> Solution:
-        end = optx.least_squares(residual, method, start, args=data, has_aux=True, max_steps=_MAX_STEPS, throw=False)
-        # from the state, not the solution: the aux of optimistix 0.1's solution is one accepted step behind its value
-        r, jac, amplitudes = end.state.f_info.residual, end.state.f_info.jac.as_matrix(), end.state.aux
-        objective = jnp.sum(r * r)
-        objective = jnp.where(jnp.isfinite(objective), objective, jnp.inf)
-        slope = jnp.max(jnp.abs(2 * r @ jac))
-        return Solution(fold(end.value, data.bounds), amplitudes, objective, slope, jnp.asarray(1))
 
     def exchanged(u: Array) -> Array:
         """All placements that differ from u in one component, as many as the lattice has."""
@@ -216,11 +214,11 @@ def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "
     def search(best: Solution, first: Array) -> tuple[Solution, None]:
         candidates = jnp.where(first, lattice, exchanged(best.coordinates))
         starts = _best_apart(candidates, jax.vmap(value)(candidates))
-        ends = jax.vmap(descend)(starts)
+        ends = jax.vmap(lambda start: _descend(residual, start, data))(starts)
         lowest = jnp.minimum(best.objective, jnp.min(ends.objective))
         num_here = jnp.sum(ends.objective <= lowest * (1 + 1e-6))
         num_agreeing = num_here + jnp.where(best.objective <= lowest * (1 + 1e-6), best.num_agreeing, 0)
-        end = jax.tree.map(lambda leaf: leaf[jnp.argmin(jax.vmap(_score)(ends))], ends)
+        end = _lowest(ends)
         better = _score(end) < _score(best)
         best = jax.tree.map(lambda new, old: jnp.where(better, new, old), end, best)
         return best._replace(num_agreeing=num_agreeing), None
@@ -229,6 +227,47 @@ def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "
         lattice[0], jnp.zeros(len(layout.kinds)), jnp.asarray(jnp.inf), jnp.asarray(jnp.inf), jnp.asarray(0)
     )
     return lax.scan(search, start, jnp.arange(NUM_ROUNDS) == 0)[0]
+
+
+def minimise_near(layout: Layout, starts: Float[Array, "S K"], data: Data) -> Solution:
+    """Find the lowest minimum that descents from given placements lead to: for data like others already fitted.
+
+    Parameters
+    ----------
+    layout, data
+        As of `minimise`.
+    starts
+        Coordinates.
+    """
+    if layout.num_shapes == 0:
+        return _linear(layout, data)
+    residual = jax.jit(_residual_function(layout))
+    ends = jax.vmap(lambda start: _descend(residual, start, data))(starts)
+    end = _lowest(ends)
+    return end._replace(num_agreeing=jnp.sum(ends.objective <= end.objective * (1 + 1e-6)))
+
+
+def _linear(layout: Layout, data: Data) -> Solution:
+    """The minimum where no shape is free."""
+    inner = _project(layout, _design(layout, None, data), data)
+    objective = jnp.sum(inner.residual * inner.residual)
+    return Solution(jnp.zeros(0), inner.amplitudes, objective, jnp.zeros(()), jnp.asarray(1))
+
+
+def _descend(residual: Any, start: Float[Array, " K"], data: Data) -> Solution:
+    """Levenberg-Marquardt from one start."""
+    method = optx.LevenbergMarquardt(rtol=_TOLERANCE, atol=_TOLERANCE)
+    end = optx.least_squares(residual, method, start, args=data, has_aux=True, max_steps=_MAX_STEPS, throw=False)
+    # from the state, not the solution: the aux of optimistix 0.1's solution is one accepted step behind its value
+    r, jac, amplitudes = end.state.f_info.residual, end.state.f_info.jac.as_matrix(), end.state.aux
+    objective = jnp.sum(r * r)
+    objective = jnp.where(jnp.isfinite(objective), objective, jnp.inf)
+    slope = jnp.max(jnp.abs(2 * r @ jac))
+    return Solution(fold(end.value, data.bounds), amplitudes, objective, slope, jnp.asarray(1))
+
+
+def _lowest(ends: Solution) -> Solution:
+    return jax.tree.map(lambda leaf: leaf[jnp.argmin(jax.vmap(_score)(ends))], ends)
 
 
 def _score(end: Solution) -> Float[Array, ""]:

@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from gmwm_jax._check import agreed_rate, confidence, require_x64, typed_key
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.estimate import NUM_DESCENTS, NUM_ROUNDS, Data, Layout, Solution, minimise
+from gmwm_jax.estimate import NUM_DESCENTS, NUM_ROUNDS, SIZE, Data, Layout, Solution, minimise, smallest_slope
 from gmwm_jax.estimates import AT, ZERO
+from gmwm_jax.problem import Problem, pose, slots
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.registry import as_model
@@ -32,9 +33,6 @@ from gmwm_jax.weights import (
     require_theory,
     two_step_weights,
 )
-
-_SIZE = 1e3
-"""Largest entry of L' nu_hat as the search sees it, whatever the weights: its tolerances then mean the same always."""
 
 _BEYOND = "beyond floating point: take other units, or scale the data."
 
@@ -152,40 +150,29 @@ def _fit_channels(
     whitened = np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))
     if not np.all(np.isfinite(whitened)):
         raise ValueError(f"Weights times wavelet variance are {_BEYOND}")
-    unit = np.max(np.abs(whitened), axis=1) / _SIZE
+    unit = np.max(np.abs(whitened), axis=1) / SIZE
 
-    # components with a shape to search for come first, those of a kind together
-    kinds = [type(p) for p in model.processes]
-    order = sorted(range(len(kinds)), key=lambda i: (not _has_free_shape(model.processes[i]), kinds.index(kinds[i])))
-    processes = [model.processes[i] for i in order]
-    layout = Layout(
-        kinds=tuple(type(p) for p in processes),
-        free_shape=tuple(_has_free_shape(p) for p in processes),
-        free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
-    )
-    searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
     tau_max = float(channels[0].scales[-1])
-    bounds = np.array([p.coordinate_bounds(tau_max) for p in searched]).reshape(-1, 2)
-    placements, nodes = _placements(searched, tau_max, key)
-    num_descents = NUM_ROUNDS * NUM_DESCENTS if searched else 1
-    held = [0.0 if free else float(p.amplitude) for p, free in zip(processes, layout.free_amplitude, strict=True)]
+    problem = pose(model, tau_max)
+    placements, nodes = _placements(problem.searched, tau_max, key)
+    num_descents = NUM_ROUNDS * NUM_DESCENTS if problem.searched else 1
     minimise_channels = _compiled_quickly if len(channels) <= _FEW_CHANNELS else _compiled_well
     solutions = minimise_channels(
-        layout,
+        problem.layout,
         placements,
         nodes,
         whitened / unit[:, None],
         whiteners / unit[:, None, None],
         channels[0].scales,
-        bounds,
-        tuple(p.shape for p in given),
-        np.array(held),
+        problem.bounds,
+        problem.shapes,
+        problem.held,
     )
     solutions = jax.tree.map(np.asarray, solutions)
     fits = []
     for c, channel in enumerate(channels):
         solution = Solution(*(leaf[c] for leaf in solutions))
-        fitted, at_boundary = _assemble(processes, order, layout, solution, tau_max)
+        fitted, at_boundary = _assemble(problem, solution, tau_max)
         objective = float(solution.objective) * float(unit[c]) * float(unit[c])
         fits.append(
             Fit(
@@ -272,12 +259,8 @@ _compiled_quickly = jax.jit(
 _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
 
 
-def _has_free_shape(p: AbstractProcess) -> bool:
-    return any(q.name not in p.fixed for q in p.parameters[:-1])
-
-
 def _placements(
-    searched: list[AbstractProcess], tau_max: float, key: PRNGKey | None
+    searched: tuple[AbstractProcess, ...], tau_max: float, key: PRNGKey | None
 ) -> tuple[Float[np.ndarray, "S K"], Float[np.ndarray, "S K"]]:
     """The lattice, and once more with the starting values that the model gives."""
     placements, nodes = lattice(tuple(type(p) for p in searched), tau_max, key)
@@ -290,16 +273,10 @@ def _placements(
     return placements, nodes
 
 
-def _assemble(
-    processes: list[AbstractProcess],
-    order: list[int],
-    layout: Layout,
-    solution: Solution,
-    tau_max: float,
-) -> tuple[Composite, dict[str, str]]:
+def _assemble(problem: Problem, solution: Solution, tau_max: float) -> tuple[Composite, dict[str, str]]:
     """The model with its estimates in the user's order (those of a kind by correlation time), and its boundaries."""
-    fitted: list[tuple[AbstractProcess, str]] = [(p, "") for p in processes]
-    for i, p in enumerate(processes):
+    layout, fitted = problem.layout, []
+    for i, p in enumerate(problem.processes):
         shape, note = p.shape, ""
         if layout.free_shape[i]:
             shape = tuple(float(s) for s in p.shape_from_coordinate(jnp.asarray(solution.coordinates[i])))
@@ -313,15 +290,10 @@ def _assemble(
         values = (*shape, p.value_of(jnp.asarray(amplitude)))
         named = {q.name: v for q, v in zip(p.parameters, values, strict=True)}
         build: Any = type(p)
-        fitted[i] = (build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()}), note)
+        fitted.append((build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()}), note))
 
-    placed: list[Any] = [None] * len(order)
-    for kind in set(layout.kinds):
-        members = [i for i, k in enumerate(layout.kinds) if k is kind]
-        # fast to slow; what has no variance has no correlation time either, and comes last
-        ranked = sorted((fitted[i] for i in members), key=lambda f: (f[1] == ZERO, _correlation_time(f[0])))
-        for position, member in zip(sorted(order[i] for i in members), ranked, strict=True):
-            placed[position] = member
+    times = np.array([_correlation_time(p) for p, _ in fitted])
+    placed = [fitted[i] for i in slots(problem, times, [note == ZERO for _, note in fitted])]
     model = Composite([p for p, _ in placed])
     return model, {label: note for label, (_, note) in zip(model.labels, placed, strict=True) if note}
 
@@ -331,6 +303,4 @@ def _correlation_time(p: AbstractProcess) -> float:
 
 
 def _status(solution: Solution) -> Status:
-    # the first-order gain of moving a correlation time by a tenth of its logarithm is below 1e-5 of the objective
-    small = 1e-4 * solution.objective + 1e-10 * _SIZE**2
-    return Status.converged if solution.slope <= small else Status.stalled
+    return Status.converged if solution.slope <= smallest_slope(solution.objective) else Status.stalled

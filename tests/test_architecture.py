@@ -25,9 +25,9 @@ GMWM_JAX = """
     _columns _files _known_files _sensors _text _timebase
     recording io datasets
     variance
-    _nnls start estimate
+    _nnls start estimate problem
     wv_covariance inference estimates weights
-    result allan fitting
+    result allan fitting refit intervals replicates _progress bootstrapping
     plot demo cli __main__
     __init__
 """
