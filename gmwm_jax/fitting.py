@@ -19,6 +19,7 @@ from gmwm_jax.recording import Recording
 from gmwm_jax.result import DEFAULT, GIVEN, TWO_STEP, Fit, Fits, Status
 from gmwm_jax.start import lattice
 from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
+from gmwm_jax.wv_covariance import require_no_mean
 
 _SIZE = 1e3
 """Largest entry of L' nu_hat as the search sees it, whatever the weights: its tolerances then mean the same always."""
@@ -67,7 +68,7 @@ def fit(
     ------
     ValueError
         More free parameters than scales, unknown process, bad weights, a rate that disagrees with the data, a level
-        outside 0 to 1.
+        outside 0 to 1, a drift and a robust wavelet variance.
     RuntimeError
         x64 is off, or (with `throw`) a search that did not converge.
     TypeError
@@ -89,6 +90,8 @@ def fit(
     model = as_model(model)
     wv = as_wavelet_variance(data, "fit")
     rate = agreed_rate(wv.rate, rate)
+    if wv.efficiency is not None:
+        require_no_mean(model)
     if model.num_free > wv.num_scales:
         raise ValueError(
             f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "

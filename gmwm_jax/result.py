@@ -154,7 +154,8 @@ class Fit:
         """
         if self.wv.num_samples is None or not self.wv.has_theory:
             return None
-        return np.asarray(wv_covariance(self.model, self.wv.num_samples, self.wv.num_scales))
+        num_samples, J, efficiency = self.wv.num_samples, self.wv.num_scales, self.wv.efficiency
+        return np.asarray(wv_covariance(self.model, num_samples, J, efficiency=efficiency))
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "P P"] | None:
@@ -208,8 +209,9 @@ class Fit:
         samples = f", {wv.num_samples} samples" if wv.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         free = self.model.num_free
+        robust = f"Robust (efficiency {wv.efficiency:g}) " if wv.efficiency else ""
         lines = [
-            f"GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
+            f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
             f"objective {self.objective:.8g} ({self.weights} weights) with {free} free parameters on {wv.num_scales} "
             f"scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
             "",
@@ -231,6 +233,7 @@ class Fit:
             "unit": self.unit,
             "rate": self.rate,
             "num_samples": self.wv.num_samples,
+            "efficiency": self.wv.efficiency,
             "model": " + ".join(p.kind for p in self.model.processes),
             # for filters and simulations
             "processes": [
