@@ -218,7 +218,7 @@ def wavelet_variance(
     method
         ``modwt`` (every coefficient) or ``dwt`` (every 2^j-th: less precise, but hardly correlated).
     efficiency
-        None for the classic estimator, the mean of squares. A number between 0.2 and 0.99, usually 0.6, for the robust
+        None for the classic estimator, the mean of squares. A number between 0.5 and 0.99, usually 0.6, for the robust
         one of the MODWT, which gives outliers no weight and for it has, on clean data with independent coefficients,
         this efficiency. See `gmwm_jax.robust`, and `compare_robust` for both side by side.
     level
