@@ -326,7 +326,10 @@ def _two_axes(axes: Sequence[Axes] | None) -> tuple[Figure, Sequence[Axes]]:
     """A large frame above a small one, in a new figure unless two Axes are given."""
     if axes is not None:
         return _figure_of(axes[0]), axes
-    return plt.subplots(2, 1, sharex=True, figsize=(7, 6.6), height_ratios=(3, 1), layout="constrained")
+    figure, (top, bottom) = plt.subplots(
+        2, 1, sharex=True, figsize=(7, 6.6), height_ratios=(3, 1), layout="constrained"
+    )
+    return figure, (top, bottom)
 
 
 def _figure_of(ax: Axes) -> Figure:

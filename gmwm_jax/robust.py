@@ -24,6 +24,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import lru_cache, partial
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,7 +74,7 @@ def biweight(efficiency: float) -> Biweight:
     ValueError
         An efficiency that is not between 0.5 and 0.99.
     """
-    if not LOWEST <= efficiency <= HIGHEST:
+    if not isinstance(efficiency, Real) or not LOWEST <= efficiency <= HIGHEST:
         raise ValueError(
             f"efficiency must be a number between {LOWEST:g} and {HIGHEST:g}, and is {efficiency!r}: a lower one "
             "resists outliers less, a higher one hardly. None is the classic estimator."
@@ -176,8 +177,8 @@ def robust_wavelet_variance(
     if np.any(lost):
         raise ValueError(
             f"{name}: at spans of {', '.join(f'{tau:g}' for tau in scales(J)[lost])} samples the coefficients have no "
-            "robust scale, for a quarter of them or more are outliers beside the rest. Take the disturbed parts out of "
-            "the record, or use the classic estimator."
+            "robust scale: a quarter of them or more are outliers. An efficiency of 0.75 bears a third; else cut the "
+            "record to its undisturbed part, or use the classic estimator."
         )
     return variances
 
