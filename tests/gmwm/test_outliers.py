@@ -107,7 +107,7 @@ def test_the_figure(spiked):
     assert "outlying samples" in top.get_title()
     assert bottom.get_xlabel() == "scale τ [s]"
     _, axes = plt.subplots(2, 1)
-    assert gj.plot.plot_robust_comparison(comparison, axes=axes) is axes[0].figure
+    assert gj.plot.plot_robust_comparison(comparison, axes=list(axes)) is axes[0].figure
 
 
 def test_the_contaminated_record(shared):

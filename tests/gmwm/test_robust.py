@@ -308,32 +308,39 @@ def contaminated(x, kind, rng):
     return y
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_parameters_under_a_burst(seed):
-    """WN + RW: both robust estimates stay in the intervals of the clean record, the classic white noise does not."""
+@pytest.mark.parametrize(("num", "efficiency"), [(10_000, 0.6), (100_000, 0.9)])
+@pytest.mark.parametrize("seed", range(3))
+def test_parameters_under_a_burst(seed, num, efficiency):
+    """WN + RW: both robust estimates stay in the intervals of the clean record, the classic white noise doubles.
+
+    At 0.6 the outliers bias by -1.3 %, at 0.9 by less than 0.1 %; the half width of the interval is 2.9 % and 0.9 %.
+    """
     model = gj.WN(1.0) + gj.RW(1e-2)
-    x = np.asarray(gj.simulate(model, 10_000, key=jax.random.key(seed)))
+    x = np.asarray(gj.simulate(model, num, key=jax.random.key(seed)))
     y = contaminated(x, "burst", np.random.default_rng(seed))
     clean, classic = (gj.fit(gj.wavelet_variance(r), "WN + RW").parameters() for r in (x, y))
-    robust = gj.fit(gj.wavelet_variance(y, efficiency=0.6), "WN + RW").parameters()
+    robust = gj.fit(gj.wavelet_variance(y, efficiency=efficiency), "WN + RW").parameters()
     assert all(e.ci_low < r.value < e.ci_high for e, r in zip(clean, robust, strict=True))
     assert classic["WN", "sigma2"].value > 1.5 * clean["WN", "sigma2"].ci_high
 
 
 def test_white_noise_under_single_outliers():
-    """Its classic estimate doubles; the robust one moves by -4 %: 1 % far outliers reach two coefficients each.
+    """Its classic estimate doubles; the robust one moves by -4 %, for 1 % far outliers reach two coefficients each.
 
-    50 records of 2,000 samples; the bias is the same at any length, and so beyond the interval of a long record.
+    Records of 1,000 samples: 98 % of the robust estimates lie in the clean interval, here 45 of 50 at least. The bias is
+    the same at any length, and so beyond the interval of a long record.
     """
-    shifts = []
+    shifts, inside = [], 0
     for seed in range(50):
-        x = white(2000, seed)
-        y = contaminated(x, "single", np.random.default_rng(seed))
+        x = white(1000, seed)
+        y = contaminated(x, "single", np.random.default_rng(seed + 10_000))
         clean, classic = gj.wavelet_variance(x, num_levels=1), gj.wavelet_variance(y, num_levels=1)
-        robust = gj.wavelet_variance(y, num_levels=1, efficiency=0.6)
-        assert clean.ci_low[0] < robust.variance[0] < clean.ci_high[0] < 1.5 * clean.variance[0] < classic.variance[0]
-        shifts.append(robust.variance[0] / gj.wavelet_variance(x, num_levels=1, efficiency=0.6).variance[0] - 1)
-    assert -0.05 < np.mean(shifts) < -0.02
+        robust = gj.wavelet_variance(y, num_levels=1, efficiency=0.6).variance[0]
+        inside += clean.ci_low[0] < robust < clean.ci_high[0]
+        assert classic.variance[0] > 1.3 * clean.ci_high[0]
+        shifts.append(robust / gj.wavelet_variance(x, num_levels=1, efficiency=0.6).variance[0] - 1)
+    assert inside >= 45
+    assert np.mean(shifts) == pytest.approx(-0.0402, abs=4.5 * 0.010 / np.sqrt(50))
 
 
 @pytest.mark.parametrize(("efficiency", "share"), [(0.6, 0.24), (0.75, 0.3), (0.5, 0.18)])
@@ -408,7 +415,7 @@ def test_records_without_a_robust_scale():
     x = white(1000)
     with pytest.raises(ValueError, match="does not change"):
         gj.wavelet_variance(np.ones(1000), efficiency=0.6)
-    with pytest.raises(ValueError, match=r"zero at spans of 2, 4 samples: .* coarsely quantised.*half"):
+    with pytest.raises(ValueError, match=r"zero at spans of 2, 4, 8 samples: .* coarsely quantised.*half"):
         gj.wavelet_variance(np.repeat(x, 16), efficiency=0.6)
     assert np.all(gj.wavelet_variance(np.repeat(x, 16)).variance > 0)
     x[17] = np.nan
