@@ -187,6 +187,8 @@ def _in_blocks(team: ThreadPoolExecutor, size: int, work: Callable[[slice], Any]
     """Work on blocks of 0 .. size that do not depend on each other, on all cores: NumPy leaves the interpreter lock."""
     workers = os.cpu_count() or 1
     starts = range(0, size, _BLOCK)
+    if len(starts) == 1:
+        return [work(slice(0, size))]
 
     def share(w: int) -> list[Any]:
         return [work(slice(i, min(i + _BLOCK, size))) for i in starts[w::workers]]

@@ -216,7 +216,7 @@ def test_efficiency_on_clean_data(efficiency):
 
     24,000 records: the standard error of the ratio is sqrt(4 (1 - efficiency) / 24000), 0.8 % and 0.4 %.
     """
-    rng, num = np.random.default_rng(20261121), 2000
+    rng, num = np.random.default_rng(20261121), 1000
     draws = []
     for _ in range(24_000):
         e = rng.standard_normal(num - 1)
@@ -225,8 +225,8 @@ def test_efficiency_on_clean_data(efficiency):
     draws = np.array(draws)
     seen = np.var(draws[:, 0]) / np.var(draws[:, 1])
     assert seen == pytest.approx(efficiency, rel=0.02)
-    # bias of order 1/N, and the scatter of the mean, 2e-4 to 3e-4
-    assert np.mean(draws[:, 1]) == pytest.approx(1.0, abs=2e-3)
+    # bias of order 1/N, and the scatter of the mean, 4e-4
+    assert np.mean(draws[:, 1]) == pytest.approx(1.0, abs=4e-3)
 
 
 def test_covariance_against_all_pairs_of_coefficients():
@@ -268,9 +268,9 @@ def test_intervals_have_the_classic_form():
 @pytest.mark.slow
 @pytest.mark.parametrize("model", [gj.WN(1.0), gj.RW(1.0), gj.GM(0.05, 1.0)], ids=repr)
 def test_covariance_and_coverage(model):
-    """1,000 records of 8192 samples: scatter as the theory says, and intervals that cover.
+    """600 records of 8192 samples: scatter as the theory says, and intervals that cover.
 
-    Standard errors: a standard deviation 2.2 %, a correlation 3.2 %, a coverage of 95 % 0.7 %. The theory is of first
+    Standard errors: a standard deviation 2.9 %, a correlation 4.1 %, a coverage of 95 % 0.9 %. The theory is of first
     order and holds where a scale has 64 degrees of freedom; the intervals, as the classic ones, cover 95 % or more
     everywhere.
     """
@@ -278,7 +278,7 @@ def test_covariance_and_coverage(model):
     composite = gj.parse_model(model.kind)
     composite = type(composite)((model,))
     draws = []
-    for i in range(1000):
+    for i in range(600):
         x = np.asarray(gj.simulate(composite, num, key=jax.random.key(i)))
         draws.append(robust_wavelet_variance(x, J))
     draws = np.array(draws) / np.asarray(composite.wavelet_variance(2.0 ** np.arange(1, J + 1)))
@@ -286,12 +286,12 @@ def test_covariance_and_coverage(model):
     error = np.sqrt(np.diag(V))
     nu = np.asarray(composite.wavelet_variance(2.0 ** np.arange(1, J + 1)))
     many = degrees_of_freedom(num, J) >= 64
-    np.testing.assert_allclose(np.std(draws, axis=0)[many], (error / nu)[many], rtol=4 * 0.022)
+    np.testing.assert_allclose(np.std(draws, axis=0)[many], (error / nu)[many], rtol=4 * 0.029)
     correlation = np.corrcoef(draws.T)[np.ix_(many, many)]
-    np.testing.assert_allclose(correlation, (V / np.outer(error, error))[np.ix_(many, many)], atol=4.5 * 0.032)
+    np.testing.assert_allclose(correlation, (V / np.outer(error, error))[np.ix_(many, many)], atol=4.5 * 0.041)
     low, high = interval_factors(degrees_of_freedom(num, J) / widening(0.6, J))
     coverage = np.mean((draws * low <= 1) & (draws * high >= 1), axis=0)
-    assert np.all(coverage > 0.95 - 3 * 0.007)
+    assert np.all(coverage > 0.95 - 3 * 0.009)
 
 
 # -- outliers --------------------------------------------------------------------------------------------------------
@@ -327,8 +327,8 @@ def test_parameters_under_a_burst(seed, num, efficiency):
 def test_white_noise_under_single_outliers():
     """Its classic estimate doubles; the robust one moves by -4 %, for 1 % far outliers reach two coefficients each.
 
-    Records of 1,000 samples: 98 % of the robust estimates lie in the clean interval, here 45 of 50 at least. The bias is
-    the same at any length, and so beyond the interval of a long record.
+    Records of 1,000 samples: 98 % of the robust estimates lie in the clean interval, here 45 of 50 at least. The bias
+    is the same at any length, and so beyond the interval of a long record.
     """
     shifts, inside = [], 0
     for seed in range(50):
