@@ -418,6 +418,8 @@ def test_records_without_a_robust_scale():
     with pytest.raises(ValueError, match=r"zero at spans of 2, 4, 8 samples: .* coarsely quantised.*half"):
         gj.wavelet_variance(np.repeat(x, 16), efficiency=0.6)
     assert np.all(gj.wavelet_variance(np.repeat(x, 16)).variance > 0)
+    with pytest.raises(ValueError, match="beyond floating point"):
+        gj.wavelet_variance(1e200 * x, efficiency=0.6)
     x[17] = np.nan
     with pytest.raises(ValueError, match=r"index 17"):
         gj.wavelet_variance(x, efficiency=0.6)
