@@ -36,6 +36,9 @@ from gmwm_jax.fitting import fit as fit
 from gmwm_jax.fitting import objective as objective
 from gmwm_jax.io import read_recording as read_recording
 from gmwm_jax.io import save_recording as save_recording
+from gmwm_jax.outliers import OutlierRun as OutlierRun
+from gmwm_jax.outliers import RobustComparison as RobustComparison
+from gmwm_jax.outliers import compare_robust as compare_robust
 from gmwm_jax.processes._base import AbstractProcess as AbstractProcess
 from gmwm_jax.processes._base import Composite as Composite
 from gmwm_jax.processes._parameter import Fixed as Fixed

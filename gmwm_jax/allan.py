@@ -223,7 +223,8 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     if adev.wv.num_samples is not None and adev.wv.has_theory:
         nu = np.asarray(model.wavelet_variance(adev.wv.scales))
         # log deviation = log(nu)/2 + const
-        correlated = np.asarray(wv_covariance(model, adev.wv.num_samples, adev.wv.num_scales)) / np.outer(nu, nu) / 4
+        V = wv_covariance(model, adev.wv.num_samples, adev.wv.num_scales, efficiency=adev.wv.efficiency)
+        correlated = np.asarray(V) / np.outer(nu, nu) / 4
     z, estimates = normal_quantile(adev.wv.level), []
     for kind, value in coefficients.items():
         w = chosen[kind] / np.sum(chosen[kind])

@@ -65,7 +65,7 @@ def bootstrap(
     Raises
     ------
     ValueError
-        Another route; no theory; a model without any variance.
+        Another route; no theory; a model without any variance; records for a robust wavelet variance.
     TypeError
         The key is an integer or of the old kind.
     """
@@ -75,6 +75,8 @@ def bootstrap(
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
     num_samples = require_theory(fit.wv, "of a bootstrap")
+    if route == RECORDS and fit.wv.efficiency is not None:
+        raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
     if np.any(fit.fitted <= 0):
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))

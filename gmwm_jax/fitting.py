@@ -33,6 +33,7 @@ from gmwm_jax.weights import (
     require_theory,
     two_step_weights,
 )
+from gmwm_jax.wv_covariance import require_no_mean
 
 _BEYOND = "beyond floating point: take other units, or scale the data."
 
@@ -84,7 +85,8 @@ def fit(
     ------
     ValueError
         More free parameters than scales, unknown process, bad weights, weights from a covariance that is not known or
-        singular, a rate that disagrees with the data, a level outside 0 to 1.
+        singular, a rate that disagrees with the data, a level outside 0 to 1, a drift
+        and a robust wavelet variance.
     RuntimeError
         x64 is off, or (with `throw`) a search that did not converge, iterated weights that did not settle.
     TypeError
@@ -106,6 +108,8 @@ def fit(
     model = as_model(model)
     wv = as_wavelet_variance(data, "fit")
     rate = agreed_rate(wv.rate, rate)
+    if wv.efficiency is not None:
+        require_no_mean(model)
     if model.num_free > wv.num_scales:
         raise ValueError(
             f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax.allan import AllanDeviation, SlopeRegression
+from gmwm_jax.outliers import RobustComparison
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
@@ -88,6 +89,36 @@ def plot_wavelet_variance(wv: WaveletVariance, *, ax: Axes | None = None, datash
     return figure
 
 
+def plot_robust_comparison(comparison: RobustComparison, *, axes: Sequence[Axes] | None = None) -> Figure:
+    """Classic and robust wavelet variance with their bands; below, their difference in standard errors.
+
+    Parameters
+    ----------
+    comparison
+        Of one channel.
+    axes
+        Two Axes to draw into; a new figure if left out.
+    """
+    figure, (top, bottom) = _two_axes(axes)
+    classic, robust = comparison.classic, comparison.robust
+    _draw_variance(top, classic, _DATA, "classic")
+    _draw_variance(top, robust, _FIT, f"robust, efficiency {robust.efficiency:g}")
+    _finish_variance(top, classic, classic.units[0])
+    top.set_xlabel("")
+    share = 100 * comparison.num_outliers / (classic.num_samples or 1)
+    top.set_title(f"{_title(classic, [0])}: {comparison.num_outliers} outlying samples ({share:.2g} %)", fontsize=10)
+    differs = comparison.significant
+    bottom.axhspan(-2, 2, color="0.5", alpha=0.15, lw=0, label="± 2 standard errors of a clean record")
+    bottom.axhline(0, color="0.4", lw=0.8)
+    bottom.plot(classic.times[~differs], comparison.z[~differs], "o", color="0.4", ms=4)
+    bottom.plot(classic.times[differs], comparison.z[differs], "o", color=_FIT, ms=4, label="differs")
+    bottom.set_yscale("symlog", linthresh=4)
+    bottom.set_ylabel("log(classic/robust)\n[standard errors]")
+    bottom.set_xlabel(_time_label(classic))
+    bottom.legend(fontsize=8, loc="best")
+    return figure
+
+
 def plot_allan_deviation(
     adev: AllanDeviation, *, ax: Axes | None = None, regression: SlopeRegression | None = None
 ) -> Figure:
@@ -139,13 +170,7 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: Sequence[Axe
     axes
         Two Axes to draw into; a new figure if left out.
     """
-    if axes is None:
-        figure, (top, bottom) = plt.subplots(
-            2, 1, sharex=True, figsize=(7, 6.6), height_ratios=(3, 1), layout="constrained"
-        )
-    else:
-        top, bottom = axes
-        figure = _figure_of(top)
+    figure, (top, bottom) = _two_axes(axes)
     wv = fit.wv
     _draw_variance(top, wv, _DATA, "wavelet variance")
     # theory is drawn between the scales too, at even spans
@@ -253,7 +278,8 @@ def _lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
 
 def _title(wv: WaveletVariance, members: Sequence[int]) -> str:
     names = ", ".join(wv.channels[i] for i in members) if len(members) < 5 else f"{len(members)} channels"
-    return names if wv.name in ("", names) else f"{wv.name}, {names}"
+    title = names if wv.name in ("", names) else f"{wv.name}, {names}"
+    return f"{title}, robust ({wv.efficiency:g})" if wv.efficiency else title
 
 
 def _members(wv: WaveletVariance, members: Sequence[int], single: str) -> Iterator[tuple[str, int, str]]:
@@ -294,6 +320,16 @@ def _frames(wv: WaveletVariance, ax: Axes | None) -> tuple[Figure, list[tuple[Ax
     else:
         raise ValueError(f"The channels have {len(members)} different units and need an Axes each: leave ax out.")
     return figure, [(frame, unit, who) for frame, (unit, who) in zip(chosen, members.items(), strict=True)]
+
+
+def _two_axes(axes: Sequence[Axes] | None) -> tuple[Figure, Sequence[Axes]]:
+    """A large frame above a small one, in a new figure unless two Axes are given."""
+    if axes is not None:
+        return _figure_of(axes[0]), axes
+    figure, (top, bottom) = plt.subplots(
+        2, 1, sharex=True, figsize=(7, 6.6), height_ratios=(3, 1), layout="constrained"
+    )
+    return figure, (top, bottom)
 
 
 def _figure_of(ax: Axes) -> Figure:

@@ -151,7 +151,8 @@ class Fit:
         """
         if self.wv.num_samples is None or not self.wv.has_theory:
             return None
-        return np.asarray(wv_covariance(self.model, self.wv.num_samples, self.wv.num_scales))
+        num_samples, J, efficiency = self.wv.num_samples, self.wv.num_scales, self.wv.efficiency
+        return np.asarray(wv_covariance(self.model, num_samples, J, efficiency=efficiency))
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "P P"] | None:
@@ -161,7 +162,7 @@ class Fit:
         whitener = np.linalg.cholesky(self.omega).T
         return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
 
-    def efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
+    def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
         """Smallest variance that weights can give, over that with `omega`, of each active parameter; to first order.
 
         Parameters
@@ -227,8 +228,9 @@ class Fit:
         samples = f", {wv.num_samples} samples" if wv.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         free = self.model.num_free
+        robust = f"Robust (efficiency {wv.efficiency:g}) " if wv.efficiency else ""
         lines = [
-            f"GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
+            f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
             f"objective {self.objective:.8g} ({self.weights} weights) with {free} free parameters on {wv.num_scales} "
             f"scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
             "",
@@ -236,7 +238,11 @@ class Fit:
         ]
         if self.rate:
             lines += ["", str(self.continuous()), "", str(self.datasheet())]
-        diagonal = self.efficiency(two_step_weights(self.model, wv)) if self.weights in (COVARIANCE, ITERATED) else None
+        diagonal = (
+            self.weights_efficiency(two_step_weights(self.model, wv))
+            if self.weights in (COVARIANCE, ITERATED)
+            else None
+        )
         if diagonal is not None:
             shares = ", ".join(f"{100 * e:.0f} %" for e in diagonal)
             lines += ["", f"Weights on the diagonal only would have an efficiency of {shares} in these parameters."]
@@ -254,6 +260,7 @@ class Fit:
             "unit": self.unit,
             "rate": self.rate,
             "num_samples": self.wv.num_samples,
+            "efficiency": self.wv.efficiency,
             "model": " + ".join(p.kind for p in self.model.processes),
             # for filters and simulations
             "processes": [

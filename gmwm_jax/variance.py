@@ -23,6 +23,7 @@ from gmwm_jax._check import (
 )
 from gmwm_jax._table import format_table, number
 from gmwm_jax.recording import Recording
+from gmwm_jax.robust import biweight, robust_wavelet_variance, widening
 from gmwm_jax.units import require_si
 from gmwm_jax.wavelet import (
     check_num_levels,
@@ -69,6 +70,8 @@ class WaveletVariance:
     name: str = ""
     method: str = "modwt"
     """``modwt`` or ``dwt``."""
+    efficiency: float | None = None
+    """Of the robust estimator on clean data, see `gmwm_jax.robust`; None for the classic one."""
 
     @classmethod
     def from_table(
@@ -181,7 +184,8 @@ class WaveletVariance:
         samples = f", {self.num_samples} samples" if self.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
-        return f"Haar wavelet variance of {what}{samples}{rate}\n{table}"
+        robust = f"Robust (efficiency {self.efficiency:g}) " if self.efficiency else ""
+        return f"{robust}Haar wavelet variance of {what}{samples}{rate}\n{table}"
 
     def plot(self, **options: Any) -> "Figure":
         """Log-log figure with the confidence band, see `gmwm_jax.plot.plot_wavelet_variance`."""
@@ -195,6 +199,7 @@ def wavelet_variance(
     *,
     num_levels: int | None = None,
     method: str = "modwt",
+    efficiency: float | None = None,
     level: float = 0.95,
     rate: float | None = None,
     unit: str = "1",
@@ -212,6 +217,10 @@ def wavelet_variance(
         J, by default floor(log2 N) - 1.
     method
         ``modwt`` (every coefficient) or ``dwt`` (every 2^j-th: less precise, but hardly correlated).
+    efficiency
+        None for the classic estimator, the mean of squares. A number between 0.5 and 0.99, usually 0.6, for the robust
+        one of the MODWT, which gives outliers no weight and for it has, on clean data with independent coefficients,
+        this efficiency. See `gmwm_jax.robust`, and `compare_robust` for both side by side.
     level
         Confidence of the intervals.
     rate, unit
@@ -230,12 +239,17 @@ def wavelet_variance(
     ------
     ValueError
         Too short, turned (more channels than samples), constant or coarsely quantised, masked, NaN or inf (the first is
-        named), unknown method, a unit that is not SI.
+        named), unknown method, a unit that is not SI; an efficiency not on offer, or for the DWT; robust: coefficients
+        of which half are zero, or that are too far from Gaussian to have a scale.
     TypeError
         A record of another kind.
     """
     if method not in ("modwt", "dwt"):
         raise ValueError(f"method must be 'modwt' or 'dwt', and is {method!r}.")
+    if efficiency is not None:
+        biweight(efficiency)  # raises if it is not on offer
+        if method != "modwt":
+            raise ValueError("The robust wavelet variance is that of the MODWT: leave method out, or efficiency.")
     require_si(unit)
     is_array = isinstance(record, Sequence) or hasattr(record, "__array__")
     if isinstance(record, (str, bytes, Mapping, Set)) or not (is_array or isinstance(record, Iterable)):
@@ -258,7 +272,8 @@ def wavelet_variance(
         units, name = (unit,) * num, ""
         rate = None if rate is None else sampling_rate(rate)
     else:
-        return _from_blocks(record, num_levels, method, level, rate, unit, scratch)
+        options = {"num_levels": num_levels, "method": method, "efficiency": efficiency, "level": level}
+        return _from_blocks(record, scratch, rate=rate, unit=unit, **options)
 
     num_samples = data.shape[0]
     J = check_num_levels(num_samples, num_levels)
@@ -266,7 +281,9 @@ def wavelet_variance(
     columns = []
     for i, channel in enumerate(channels):
         x = matrix[:, i]
-        if method == "modwt":
+        if efficiency is not None:
+            nu = robust_wavelet_variance(x, J, efficiency=efficiency, scratch=scratch, name=channel)
+        elif method == "modwt":
             nu = host_wavelet_variance(x, J, scratch=scratch, name=channel)
         else:
             finite_record(np.asarray(x), channel)
@@ -274,12 +291,12 @@ def wavelet_variance(
         _require_noise(nu, channel)
         columns.append(nu)
     nu = columns[0] if data.ndim == 1 else np.column_stack(columns)
-    low, high = interval_factors(degrees_of_freedom(num_samples, J, decimated=method == "dwt"), level)
+    eta = degrees_of_freedom(num_samples, J, decimated=method == "dwt")
+    low, high = interval_factors(eta if efficiency is None else eta / widening(efficiency, J), level)
     if nu.ndim == 2:
         low, high = low[:, None], high[:, None]
-    return WaveletVariance(
-        scales(J), nu, nu * low, nu * high, num_samples, level, rate, tuple(channels), tuple(units), name, method
-    )
+    values = (scales(J), nu, nu * low, nu * high, num_samples, level, rate)
+    return WaveletVariance(*values, tuple(channels), tuple(units), name, method, efficiency)
 
 
 def _as_array(record: Any) -> np.ndarray:
@@ -315,24 +332,15 @@ def _require_noise(nu: Float[np.ndarray, " J"], channel: str) -> None:
         empty = ", ".join(str(2 ** (j + 1)) for j in np.flatnonzero(zero))
         raise ValueError(
             f"{channel} changes, and yet its wavelet variance is zero at spans of {empty} samples: the samples are "
-            "coarsely quantised, or repeat a pattern. Leave these scales out by num_levels=..., or take more samples."
+            "coarsely quantised, or repeat a pattern. Leave these scales out by num_levels=..., or take more samples. "
+            "(The robust one is zero already where half of the coefficients are: then use the classic one.)"
         )
 
 
-def _from_blocks(
-    blocks: Iterable[np.ndarray],
-    num_levels: int | None,
-    method: str,
-    level: float,
-    rate: float | None,
-    unit: str,
-    scratch: str | os.PathLike | None,
-) -> WaveletVariance:
+def _from_blocks(blocks: Iterable[np.ndarray], scratch: str | os.PathLike | None, **options: Any) -> WaveletVariance:
     """Spool the blocks to a scratch file and take the wavelet variance of its memory map."""
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         spooled = blocks_to_file(map(unmasked, blocks), os.path.join(folder, "record.f64"))
-        result = wavelet_variance(
-            spooled, num_levels=num_levels, method=method, level=level, rate=rate, unit=unit, scratch=folder
-        )
+        result = wavelet_variance(spooled, scratch=folder, **options)
         del spooled
     return result

@@ -66,7 +66,7 @@ def host_wavelet_variance(
         finite_record(np.asarray(x), name)
     # Blocks do not depend on each other, and NumPy leaves the interpreter lock: one thread a core.
     workers = os.cpu_count() or 1
-    with _sums(num, scratch) as S, ThreadPoolExecutor(workers) as pool:
+    with working_array(num, scratch) as S, ThreadPoolExecutor(workers) as pool:
         starts = range(0, num, _BLOCK)
         shares = [starts[w::workers] for w in range(workers)]
         energy = sum(pool.map(lambda share: _fine_levels(x, share, origin, m, S), shares))
@@ -109,12 +109,13 @@ def blocks_to_file(blocks: Iterable[np.ndarray], file: str | os.PathLike) -> np.
 
 
 @contextmanager
-def _sums(num: int, scratch: str | os.PathLike | None) -> Iterator[np.ndarray]:
+def working_array(num: int, scratch: str | os.PathLike | None) -> Iterator[Float[np.ndarray, " N"]]:
+    """`num` floats, in memory or, if a folder is named, in a temporary file of 8 `num` bytes there."""
     if scratch is None:
         yield np.empty(num)
         return
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
-        S = np.memmap(os.path.join(folder, "sums.f64"), dtype=np.float64, mode="w+", shape=(num,))
+        S = np.memmap(os.path.join(folder, "working.f64"), dtype=np.float64, mode="w+", shape=(num,))
         yield S
         del S
 

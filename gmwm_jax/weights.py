@@ -83,7 +83,8 @@ def covariance_weights(model: Composite, wv: WaveletVariance) -> Float[np.ndarra
         No theory of this wavelet variance; a covariance that is singular to rounding, as that of a model with no noise
         but a drift, or without any variance at some scale.
     """
-    V = np.asarray(wv_covariance(model, require_theory(wv, COVARIANCE), wv.num_scales))
+    num_samples = require_theory(wv, COVARIANCE)
+    V = np.asarray(wv_covariance(model, num_samples, wv.num_scales, efficiency=wv.efficiency))
     sd = np.sqrt(np.diag(V))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = V / np.outer(sd, sd)

@@ -6,7 +6,8 @@ theorem gives
     Cov(nu_j, nu_k) = 1/(M_j M_k) sum_h N_jk(h) [2 gamma_jk(h)^2 + 4 mu_j mu_k gamma_jk(h)],
 
 N_jk(h) the number of pairs of coefficients at lag h. (Percival 1995 and Serroukh, Walden & Percival 2000 take the limit
-of large N, where it becomes an integral over the spectrum.)
+of large N, where it becomes an integral over the spectrum.) For a robust wavelet variance each 2 gamma^2 is multiplied
+by a polynomial in the squared correlation, see `gmwm_jax.robust`: to first order, and for mu = 0.
 
 The sum has 2N terms for each pair of scales. But gamma_jk is smooth between nine kinks, the lags at which an edge or
 the middle of one filter meets one of the other's, and varies there on the scale of the distance to the nearest kink
@@ -28,6 +29,7 @@ from jaxtyping import Float
 from gmwm_jax._check import integer, require_x64
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
+from gmwm_jax.robust import biweight
 from gmwm_jax.wavelet import check_num_levels, num_coefficients, scales
 
 _NODES = 8
@@ -122,7 +124,11 @@ def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
 
 
 def wv_covariance(
-    model: str | AbstractProcess | Composite, num_samples: int, num_levels: int | None = None
+    model: str | AbstractProcess | Composite,
+    num_samples: int,
+    num_levels: int | None = None,
+    *,
+    efficiency: float | None = None,
 ) -> Float[Array, "J J"]:
     """Covariance matrix of the Haar MODWT wavelet variance of a record of N samples.
 
@@ -132,6 +138,9 @@ def wv_covariance(
         All parameters given; Gaussian (for QN, which is not, an approximation).
     num_samples, num_levels
         N, and J, by default floor(log2 N) - 1.
+    efficiency
+        Of a robust wavelet variance; None for the classic one. The robust one is no sum, and its covariance holds to
+        first order: where a scale has many independent coefficients.
 
     Returns
     -------
@@ -140,7 +149,7 @@ def wv_covariance(
     Raises
     ------
     ValueError
-        A parameter without value; too short a record.
+        A parameter without value; too short a record; an efficiency not on offer, or for a model with a drift.
     """
     require_x64()
     model = as_model(model)
@@ -148,21 +157,42 @@ def wv_covariance(
     J = check_num_levels(num_samples, num_levels)
     for process in model.processes:
         process.require_complete()
-    return _covariance(model, lag_quadrature(num_samples, J), J)
+    polynomial = np.ones(1)
+    if efficiency is not None:
+        require_no_mean(model)
+        polynomial = biweight(efficiency).polynomial
+    return _covariance(model, lag_quadrature(num_samples, J), polynomial, J)
 
 
-def _covariance_of_pairs(model: Composite, q: LagQuadrature, J: int) -> Float[Array, "J J"]:
+def require_no_mean(model: Composite) -> None:
+    """Raise if the coefficients of a model have a mean: a robust scale around zero is then not the root of E(W^2)."""
+    for process, label in zip(model.processes, model.labels, strict=True):
+        if float(process.unit_haar_mean(jnp.ones(()))) != 0:
+            raise ValueError(
+                f"{label} gives wavelet coefficients a mean, and the robust wavelet variance is one of coefficients "
+                "around zero: it would be biased at every scale where the mean shows. Take the drift off the record "
+                "(a least-squares line, say), leave it out of the model, or use the classic wavelet variance."
+            )
+
+
+def _covariance_of_pairs(
+    model: Composite, q: LagQuadrature, polynomial: Float[Array, " K"], J: int
+) -> Float[Array, "J J"]:
     gamma = jnp.zeros_like(q.lag)
     mu_j, mu_k = jnp.zeros_like(q.lag), jnp.zeros_like(q.lag)
     for p in model.processes:
         gamma = gamma + p.amplitude * p.unit_haar_covariance(p.shape, q.lag, q.parity, q.n_j, q.n_k)
         mu_j = mu_j + jnp.sqrt(p.amplitude) * p.unit_haar_mean(q.n_j)
         mu_k = mu_k + jnp.sqrt(p.amplitude) * p.unit_haar_mean(q.n_k)
-    terms = q.weight * (2 * gamma * gamma + 4 * mu_j * mu_k * gamma)
     num_pairs = J * (J + 1) // 2
-    sums = jax.ops.segment_sum(terms, q.pair, num_segments=num_pairs, indices_are_sorted=True)
     rows, columns = np.tril_indices(J)
+    nu = model.wavelet_variance(scales(J))
+    variances = (nu[rows] * nu[columns])[q.pair]
+    # squared correlation; a model without any variance has none
+    y = gamma * gamma / jnp.where(variances > 0, variances, 1.0)
+    terms = q.weight * (2 * gamma * gamma * jnp.polyval(polynomial[::-1], y) + 4 * mu_j * mu_k * gamma)
+    sums = jax.ops.segment_sum(terms, q.pair, num_segments=num_pairs, indices_are_sorted=True)
     return jnp.zeros((J, J)).at[rows, columns].set(sums).at[columns, rows].set(sums)
 
 
-_covariance = jax.jit(_covariance_of_pairs, static_argnums=2)
+_covariance = jax.jit(_covariance_of_pairs, static_argnums=3)

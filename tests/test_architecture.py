@@ -21,12 +21,13 @@ GMWM_JAX = """
     processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
     processes/registry
     simulation datasheet
-    wavelet wavelet_host
+    wavelet wavelet_host robust
     _columns _files _known_files _sensors _text _timebase
     recording io datasets
     variance
     _nnls start estimate problem
     wv_covariance inference estimates weights
+    outliers
     result allan fitting refit intervals replicates _progress bootstrapping
     plot demo cli __main__
     __init__
