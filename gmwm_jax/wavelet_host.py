@@ -84,7 +84,9 @@ def host_wavelet_variance(
     return energy / (4.0**j * (num - 2.0**j + 1))
 
 
-def gap_wavelet_variance(columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]) -> Float[np.ndarray, "J C"]:
+def gap_wavelet_variance(
+    columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]
+) -> Float[np.ndarray, "J C"]:
     """Haar wavelet variance of records with missing samples, by pairs of samples; O(N log N).
 
     Few windows are complete when samples are missing here and there. But a Haar wavelet variance is linear in the

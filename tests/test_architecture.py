@@ -28,6 +28,7 @@ GMWM_JAX = """
     _nnls start estimate
     wv_covariance inference estimates
     result allan fitting
+    whitening regressors regression
     plot demo cli __main__
     __init__
 """
