@@ -64,8 +64,10 @@ from gmwm_jax.variance import WaveletVariance as WaveletVariance
 from gmwm_jax.variance import wavelet_variance as wavelet_variance
 from gmwm_jax.wavelet import haar_dwt_variance as haar_dwt_variance
 from gmwm_jax.wavelet import haar_wavelet_variance as haar_wavelet_variance
+from gmwm_jax.whitening import GeneralisedLeastSquares as GeneralisedLeastSquares
 from gmwm_jax.whitening import Whitened as Whitened
 from gmwm_jax.whitening import covariance_times as covariance_times
+from gmwm_jax.whitening import generalised_least_squares as generalised_least_squares
 from gmwm_jax.whitening import whiten as whiten
 from gmwm_jax.wv_covariance import wv_covariance as wv_covariance
 

@@ -14,8 +14,7 @@ y - X b and the covariance X C X', hence
 
 the wavelet variance of the residuals plus that of the p columns of X C^{1/2}: this is what is fitted. Its mean is that
 of the noise (a prior that knows nothing of b), as the expectation of the quadratic form nu_j^2 under (I - H) Sigma
-(I - H)' = Sigma - X C X' shows, H = X C X' Sigma^-1. (GMWMX leaves the correction out; for a trend in a random walk it
-is a third of the power at the coarsest scale.)
+(I - H)' = Sigma - X C X' shows, H = X C X' Sigma^-1. (Of a trend in a random walk, a third at the coarsest scale.)
 
 Missing samples: skipped in the whitening, and a wavelet variance by pairs of samples
 (`gmwm_jax.wavelet_host.gap_wavelet_variance`).
@@ -29,7 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from gmwm_jax._check import agreed_rate, confidence, require_x64, sampling_rate, unmasked
+from gmwm_jax._check import agreed_rate, confidence, require_x64, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.fitting import fit
 from gmwm_jax.inference import normal_quantile
@@ -37,13 +36,13 @@ from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
-from gmwm_jax.regressors import Design, design
+from gmwm_jax.regressors import Design, checked_record, checked_time, design
 from gmwm_jax.result import TWO_STEP, Fit
 from gmwm_jax.units import require_si
 from gmwm_jax.variance import WaveletVariance
-from gmwm_jax.wavelet import default_num_levels, degrees_of_freedom, interval_factors, scales
-from gmwm_jax.wavelet_host import gap_wavelet_variance, host_wavelet_variance
-from gmwm_jax.whitening import covariance_times, whiten
+from gmwm_jax.wavelet import degrees_of_freedom, interval_factors, scales
+from gmwm_jax.wavelet_host import columns_wavelet_variance
+from gmwm_jax.whitening import covariance_times, generalised_least_squares
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,7 +141,7 @@ class Regression:
 
     @cached_property
     def residuals(self) -> Float[np.ndarray, " N"]:
-        """y - X b; NaN where a sample is missing."""
+        """The data without what the regressors explain, y - X b; NaN where a sample is missing."""
         return self.data - self.fitted
 
     @property
@@ -242,13 +241,18 @@ def regress(
         rate, unit, name, y = agreed_rate(y.rate, rate), y.units[0], y.channels[0], y.data[:, 0]
     rate = sampling_rate(rate)
     require_si(unit)
-    y, present = _record(y, present)
-    time = _time(time, len(y), rate)
+    y, present = checked_record(y, present)
+    time = checked_time(time, len(y), rate)
     X = design(regressors, present, intercept=intercept)
 
     def noise_of(residual: Float[np.ndarray, " N"], spread: Float[np.ndarray, "N p"]) -> Fit:
-        nu = _wavelet_variances(np.column_stack([residual, spread]), present)
-        wv = _as_result(np.sum(nu, axis=1), present, rate, unit, name)
+        nu = np.sum(columns_wavelet_variance(np.column_stack([residual, spread]), present), axis=1)
+        # by pairs it may be negative: such a scale and the coarser ones go
+        J = len(nu) if np.all(nu > 0) else int(np.argmin(nu > 0))
+        num, nu = int(np.sum(present)), nu[:J]
+        low, high = interval_factors(degrees_of_freedom(num, J))
+        complete = num if num == len(present) else None
+        wv = WaveletVariance(scales(J), nu, nu * low, nu * high, complete, 0.95, rate, (name,), (unit,), name)
         return fit(wv, model, omega=TWO_STEP, level=level)
 
     # in the orthonormal basis: X b = Q beta
@@ -262,14 +266,14 @@ def regress(
     noise, converged, num_rounds = noise_of(rest, np.zeros((len(y), 0))), False, 0
     while not converged and num_rounds < _MAX_ROUNDS:
         num_rounds += 1
-        shift, covariance, _ = _generalised(noise.reduced, rest, X, present)
-        spread = X.basis @ np.linalg.cholesky(covariance)
-        last, noise = noise, noise_of(rest - X.basis @ shift, spread)
+        gls = generalised_least_squares(noise.reduced, rest, X.basis, present)
+        spread = X.basis @ np.linalg.cholesky(gls.covariance)
+        last, noise = noise, noise_of(rest - X.basis @ gls.estimates, spread)
         shared = slice(min(noise.wv.num_scales, last.wv.num_scales))
         converged = bool(np.all(np.abs(noise.fitted[shared] / last.fitted[shared] - 1) < _UNCHANGED))
-    shift, covariance, log_likelihood = _generalised(noise.reduced, rest, X, present)
+    gls = generalised_least_squares(noise.reduced, rest, X.basis, present)
     sandwich = X.basis.T @ np.asarray(covariance_times(noise.reduced, X.basis))
-    coefficients = _coefficients(X, ols + shift, covariance, unit, level)
+    coefficients = _coefficients(X, ols + gls.estimates, np.asarray(gls.covariance), unit, level)
     return Regression(
         coefficients=coefficients,
         ols=_coefficients(X, ols, sandwich, unit, level),
@@ -278,24 +282,10 @@ def regress(
         data=np.where(present, y, np.nan),
         fitted=X.columns @ coefficients.estimates,
         present=present,
-        log_likelihood=log_likelihood,
+        log_likelihood=float(gls.log_likelihood),
         num_rounds=num_rounds,
         converged=converged,
     )
-
-
-def _generalised(
-    noise: Composite, rest: Float[np.ndarray, " N"], X: Design, present: Bool[np.ndarray, " N"]
-) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"], float]:
-    """GLS in the basis Q: coefficients, their covariance, and the log-likelihood."""
-    white, log_determinant = whiten(noise, np.column_stack([rest, X.basis]), present)
-    W = np.asarray(white)
-    Q, R = np.linalg.qr(W[:, 1:])
-    inverse = np.linalg.inv(R)
-    shift = inverse @ (Q.T @ W[:, 0])
-    error = W[:, 0] - W[:, 1:] @ shift
-    log_likelihood = -0.5 * (np.sum(present) * np.log(2 * np.pi) + float(log_determinant) + error @ error)
-    return shift, inverse @ inverse.T, float(log_likelihood)
 
 
 def _coefficients(
@@ -305,66 +295,3 @@ def _coefficients(
     back = np.linalg.inv(X.triangle)
     units = tuple(unit if u == "1" else f"({unit})/{u}" if "/" in unit else f"{unit}/{u}" for u in X.units)
     return Coefficients(X.names, units, back @ beta, back @ covariance @ back.T, level)
-
-
-def _wavelet_variances(columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]) -> Float[np.ndarray, "J C"]:
-    if np.all(present):
-        return np.column_stack([host_wavelet_variance(np.ascontiguousarray(x)) for x in columns.T])
-    return gap_wavelet_variance(columns, present)
-
-
-def _as_result(
-    nu: Float[np.ndarray, " J"], present: Bool[np.ndarray, " N"], rate: float, unit: str, name: str
-) -> WaveletVariance:
-    """The wavelet variance with its intervals; by pairs it may be negative: such a scale and the coarser ones go."""
-    J = len(nu) if np.all(nu > 0) else int(np.argmin(nu > 0))
-    num = int(np.sum(present))
-    low, high = interval_factors(degrees_of_freedom(num, max(J, 1))[:J])
-    nu = nu[:J]
-    complete = num if num == len(present) else None
-    return WaveletVariance(
-        scales(J), nu, nu * low, nu * high, complete, rate=rate, channels=(name,), units=(unit,), name=name
-    )
-
-
-def _record(y: Any, present: Any) -> tuple[Float[np.ndarray, " N"], Bool[np.ndarray, " N"]]:
-    """The record and where its samples are."""
-    y = y if isinstance(y, np.ma.MaskedArray) else np.asarray(y)
-    if y.ndim != 1 or y.dtype.kind not in "fiu":
-        raise ValueError(f"y must be real numbers of shape (N,), and has shape {y.shape} and dtype {y.dtype}.")
-    y = np.asarray(unmasked(y), dtype=np.float64)
-    there = ~np.isnan(y)
-    if present is not None:
-        given = np.asarray(present)
-        if given.shape != y.shape or given.dtype.kind != "b":
-            raise ValueError(
-                f"present must be True or False for each of the {len(y)} samples; it has shape {given.shape} and dtype "
-                f"{given.dtype}."
-            )
-        there &= given
-    if not np.any(there):
-        raise ValueError(f"All {len(y)} samples are missing: NaN, masked, or left out by present=...")
-    bad = np.flatnonzero(there & np.isinf(y))
-    if len(bad):
-        raise ValueError(
-            f"y holds {len(bad)} infinite samples, the first at index {bad[0]}. If they are outages, set them to NaN."
-        )
-    if default_num_levels(int(np.sum(there))) < 1:
-        raise ValueError(f"y has {np.sum(there)} samples: the wavelet variance of its noise needs at least 4.")
-    return y, there
-
-
-def _time(time: Any, num: int, rate: float) -> Float[np.ndarray, " N"]:
-    if time is None:
-        return np.arange(num) / rate
-    t = np.asarray(time, dtype=np.float64)
-    if t.shape != (num,):
-        raise ValueError(f"time has the shape {t.shape}, and the record has {num} samples.")
-    off = np.abs(t - t[0] - np.arange(num) / rate)
-    if not np.max(off) < 0.5 / rate:  # NaN is off, too
-        k = int(np.argmax(~(off < 0.5 / rate)))
-        raise ValueError(
-            f"Samples at {rate:g} Hz lie {1 / rate:g} s apart, and time is half a step off at index {k} ({t[k]!r} s "
-            f"after {t[0]!r} s at the start). Give the right rate, and put NaN into y where samples are missing."
-        )
-    return t

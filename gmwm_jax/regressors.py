@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from gmwm_jax._check import integer
+from gmwm_jax._check import integer, unmasked
+from gmwm_jax.wavelet import default_num_levels
 
 INTERCEPT = "intercept"
 
@@ -170,6 +171,50 @@ def design(regressors: Mapping[str, Any], present: Bool[np.ndarray, " N"], *, in
     basis = np.zeros_like(X)
     basis[present] = Q
     return Design(tuple(named), units, X, basis, R * length)
+
+
+def checked_record(y: Any, present: Any) -> tuple[Float[np.ndarray, " N"], Bool[np.ndarray, " N"]]:
+    """The record and where its samples are; raise ValueError where it is none, or infinite, or all of it missing."""
+    y = y if isinstance(y, np.ma.MaskedArray) else np.asarray(y)
+    if y.ndim != 1 or y.dtype.kind not in "fiu":
+        raise ValueError(f"y must be real numbers of shape (N,), and has shape {y.shape} and dtype {y.dtype}.")
+    y = np.asarray(unmasked(y), dtype=np.float64)
+    there = ~np.isnan(y)
+    if present is not None:
+        given = np.asarray(present)
+        if given.shape != y.shape or given.dtype.kind != "b":
+            raise ValueError(
+                f"present must be True or False for each of the {len(y)} samples; it has shape {given.shape} and dtype "
+                f"{given.dtype}."
+            )
+        there &= given
+    if not np.any(there):
+        raise ValueError(f"All {len(y)} samples are missing: NaN, masked, or left out by present=...")
+    bad = np.flatnonzero(there & np.isinf(y))
+    if len(bad):
+        raise ValueError(
+            f"y holds {len(bad)} infinite samples, the first at index {bad[0]}. If they are outages, set them to NaN."
+        )
+    if default_num_levels(int(np.sum(there))) < 1:
+        raise ValueError(f"y has {np.sum(there)} samples: the wavelet variance of its noise needs at least 4.")
+    return y, there
+
+
+def checked_time(time: Any, num: int, rate: float) -> Float[np.ndarray, " N"]:
+    """Time of each sample in seconds, from 0 if none is given; raise ValueError where it contradicts the rate."""
+    if time is None:
+        return np.arange(num) / rate
+    t = np.asarray(time, dtype=np.float64)
+    if t.shape != (num,):
+        raise ValueError(f"time has the shape {t.shape}, and the record has {num} samples.")
+    off = np.abs(t - t[0] - np.arange(num) / rate)
+    if not np.max(off) < 0.5 / rate:  # NaN is off, too
+        k = int(np.argmax(~(off < 0.5 / rate)))
+        raise ValueError(
+            f"Samples at {rate:g} Hz lie {1 / rate:g} s apart, and time is half a step off at index {k} ({t[k]!r} s "
+            f"after {t[0]!r} s at the start). Give the right rate, and put NaN into y where samples are missing."
+        )
+    return t
 
 
 def _checked(name: str, column: Any, present: np.ndarray, intercept: bool) -> np.ndarray:

@@ -19,8 +19,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
-import scipy.fft
 from jaxtyping import Bool, Float, Shaped
+from scipy.fft import next_fast_len
 
 from gmwm_jax._check import finite_record
 from gmwm_jax.wavelet import check_num_levels, default_num_levels
@@ -84,6 +84,15 @@ def host_wavelet_variance(
     return energy / (4.0**j * (num - 2.0**j + 1))
 
 
+def columns_wavelet_variance(
+    columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]
+) -> Float[np.ndarray, "J C"]:
+    """`host_wavelet_variance` of each column, or `gap_wavelet_variance` where samples are missing."""
+    if not np.all(present):
+        return gap_wavelet_variance(columns, present)
+    return np.column_stack([host_wavelet_variance(np.ascontiguousarray(x)) for x in columns.T])
+
+
 def gap_wavelet_variance(
     columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]
 ) -> Float[np.ndarray, "J C"]:
@@ -111,9 +120,9 @@ def gap_wavelet_variance(
     2^J has no pair.
     """
     num, J = len(present), default_num_levels(int(np.sum(present)))
-    size = scipy.fft.next_fast_len(num + 2**J, real=True)
-    z = scipy.fft.rfft(present.astype(np.float64), size)
-    pairs = np.rint(scipy.fft.irfft(np.abs(z) ** 2, size)[: 2**J])
+    size = next_fast_len(num + 2**J, real=True)
+    z = np.fft.rfft(present.astype(np.float64), size)
+    pairs = np.rint(np.fft.irfft(np.abs(z) ** 2, size)[: 2**J])
     unseen = np.flatnonzero(pairs == 0)
     if len(unseen):
         J = int(unseen[0]).bit_length() - 1
@@ -121,8 +130,8 @@ def gap_wavelet_variance(
     result = np.empty((J, columns.shape[1]))
     for c, x in enumerate(columns.T):
         x = np.where(present, x - np.mean(x[present]), 0.0)
-        f, g = scipy.fft.rfft(x, size), scipy.fft.rfft(x * x, size)
-        squares = scipy.fft.irfft(2 * (z.conj() * g).real - 2 * np.abs(f) ** 2, size)[1 : 2**J]
+        f, g = np.fft.rfft(x, size), np.fft.rfft(x * x, size)
+        squares = np.fft.irfft(2 * (z.conj() * g).real - 2 * np.abs(f) ** 2, size)[1 : 2**J]
         G = squares / (2 * pairs[1 : 2**J])
         for j in range(J):
             n = 1 << j

@@ -12,12 +12,13 @@ Random walks start from zero before the first sample, as `gmwm_jax.simulate` dra
 does not see where they start: the start only adds to the variance of the intercept.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array, lax
+from jax.scipy.linalg import solve_triangular
 from jaxtyping import Bool, Float
 
 from gmwm_jax._check import as_float, require_x64
@@ -34,6 +35,17 @@ class Whitened(NamedTuple):
     """L^-1 v; zero where a sample is missing."""
     log_determinant: Float[Array, ""]
     """log det Sigma of the samples that are there."""
+
+
+class GeneralisedLeastSquares(NamedTuple):
+    """Coefficients of y = X b + e, e with the covariance Sigma."""
+
+    estimates: Float[Array, " p"]
+    """b = C X' Sigma^-1 y."""
+    covariance: Float[Array, "p p"]
+    """C = (X' Sigma^-1 X)^-1."""
+    log_likelihood: Float[Array, ""]
+    """Of y at b, Gaussian."""
 
 
 def state_space(model: str | AbstractProcess | Composite) -> StateSpace:
@@ -84,14 +96,32 @@ def whiten(model: str | AbstractProcess | Composite, columns: Any, present: Any 
     ValueError
         A parameter without value, a process without a state-space form, shapes that do not fit.
     """
-    require_x64()
-    columns = as_float(columns)
-    present = jnp.ones(columns.shape[:1], dtype=bool) if present is None else jnp.asarray(present)
-    if columns.ndim != 2 or present.shape != columns.shape[:1]:
-        raise ValueError(
-            f"Columns have the shape (N, C) and present (N,); they have {columns.shape} and {present.shape}."
-        )
-    return _whiten(state_space(model), columns, present)
+    return _whiten(as_model(model), *_columns(columns, present))
+
+
+def generalised_least_squares(
+    model: str | AbstractProcess | Composite, y: Any, X: Any, present: Any = None
+) -> GeneralisedLeastSquares:
+    """Regression with errors of a known model: pure, differentiable, O(N).
+
+    Parameters
+    ----------
+    model
+        All parameters given, with a variance.
+    y
+        Record, shape (N,).
+    X
+        Regressors, shape (N, p), linearly independent over the samples that are there.
+    present
+        False where a sample is missing, shape (N,); what stands there is not read.
+
+    Raises
+    ------
+    ValueError
+        As `whiten`.
+    """
+    columns = jnp.concatenate([as_float(y)[:, None], as_float(X)], axis=1)
+    return _least_squares(as_model(model), *_columns(columns, present))
 
 
 def covariance_times(model: str | AbstractProcess | Composite, columns: Any) -> Float[Array, "N C"]:
@@ -109,13 +139,23 @@ def covariance_times(model: str | AbstractProcess | Composite, columns: Any) -> 
     ValueError
         A parameter without value, or a process that has no state-space form.
     """
+    return _covariance_times(as_model(model), _columns(columns, None)[0])
+
+
+def _columns(columns: Any, present: Any) -> tuple[Float[Array, "N C"], Bool[Array, " N"]]:
     require_x64()
-    return _covariance_times(state_space(model), as_float(columns))
+    columns = as_float(columns)
+    present = jnp.ones(columns.shape[:1], dtype=bool) if present is None else jnp.asarray(present)
+    if columns.ndim != 2 or present.shape != columns.shape[:1]:
+        raise ValueError(
+            f"Columns have the shape (N, C) and present (N,); they have {columns.shape} and {present.shape}."
+        )
+    return columns, present
 
 
 @eqx.filter_jit
-def _whiten(form: StateSpace, columns: Float[Array, "N C"], present: Bool[Array, " N"]) -> Whitened:
-    Phi, Q, h, P_0, r = form
+def _whiten(model: Composite, columns: Float[Array, "N C"], present: Bool[Array, " N"]) -> Whitened:
+    Phi, Q, h, P_0, r = state_space(model)
 
     def step(carry: Any, sample: Any) -> Any:
         M, P = carry
@@ -136,8 +176,23 @@ def _whiten(form: StateSpace, columns: Float[Array, "N C"], present: Bool[Array,
 
 
 @eqx.filter_jit
-def _covariance_times(form: StateSpace, columns: Float[Array, "N C"]) -> Float[Array, "N C"]:
-    Phi, Q, h, P_0, r = form
+def _least_squares(
+    model: Composite, columns: Float[Array, "N C"], present: Bool[Array, " N"]
+) -> GeneralisedLeastSquares:
+    white, log_determinant = _whiten(model, columns, present)
+    y, X = white[:, 0], white[:, 1:]
+    Q, R = jnp.linalg.qr(X)
+    inverse = solve_triangular(R, jnp.eye(R.shape[0]))
+    b = inverse @ (Q.T @ y)
+    error = y - X @ b
+    log_2pi = jnp.sum(present) * math.log(2 * math.pi)
+    log_likelihood = -(log_2pi + log_determinant + error @ error) / 2
+    return GeneralisedLeastSquares(b, inverse @ inverse.T, log_likelihood)
+
+
+@eqx.filter_jit
+def _covariance_times(model: Composite, columns: Float[Array, "N C"]) -> Float[Array, "N C"]:
+    Phi, Q, h, P_0, r = state_space(model)
 
     def backward(later: Array, v: Array) -> Any:
         now = _product(Phi.T, later) + h[:, None] * v[None, :]
