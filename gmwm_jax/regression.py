@@ -13,8 +13,8 @@ y - X b and the covariance X C X', hence
     E(nu_j^2(e) | y) = nu_j^2(y - X b) + sum_c nu_j^2(X C^{1/2})_c,
 
 the wavelet variance of the residuals plus that of the p columns of X C^{1/2}: this is what is fitted. Its mean is that
-of the noise (a prior that knows nothing of b), as the expectation of the quadratic form nu_j^2 under (I - H) Sigma
-(I - H)' = Sigma - X C X' shows, H = X C X' Sigma^-1. (Of a trend in a random walk, a third at the coarsest scale.)
+of the noise, since the residuals have the covariance (I - H) Sigma (I - H)' = Sigma - X C X', H = X C X' Sigma^-1. (A
+trend takes a third from a random walk at the coarsest scale.)
 
 Missing samples: skipped in the whitening, and a wavelet variance by pairs of samples
 (`gmwm_jax.wavelet_host.gap_wavelet_variance`).
@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -42,7 +43,7 @@ from gmwm_jax.units import require_si
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wavelet import degrees_of_freedom, interval_factors, scales
 from gmwm_jax.wavelet_host import columns_wavelet_variance
-from gmwm_jax.whitening import covariance_times, generalised_least_squares
+from gmwm_jax.whitening import GeneralisedLeastSquares, covariance_times, generalised_least_squares
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -255,25 +256,26 @@ def regress(
         wv = WaveletVariance(scales(J), nu, nu * low, nu * high, complete, 0.95, rate, (name,), (unit,), name)
         return fit(wv, model, omega=TWO_STEP, level=level)
 
+    def least_squares(noise: Fit) -> GeneralisedLeastSquares:
+        return jax.tree.map(np.asarray, generalised_least_squares(noise.reduced, rest, X.basis, present))
+
     # in the orthonormal basis: X b = Q beta
     z = np.where(present, y, 0.0)
     ols = X.basis.T @ z
     rest = z - X.basis @ ols  # what is left is whitened, as digits would be lost in a large mean
-    rest -= X.basis @ (correction := X.basis.T @ rest)
-    ols += correction
     if np.linalg.norm(rest) <= _EXACT * np.linalg.norm(z):
         raise ValueError("The regressors describe the record exactly: there is no noise to model.")
     noise, converged, num_rounds = noise_of(rest, np.zeros((len(y), 0))), False, 0
     while not converged and num_rounds < _MAX_ROUNDS:
         num_rounds += 1
-        gls = generalised_least_squares(noise.reduced, rest, X.basis, present)
+        gls = least_squares(noise)
         spread = X.basis @ np.linalg.cholesky(gls.covariance)
         last, noise = noise, noise_of(rest - X.basis @ gls.estimates, spread)
         shared = slice(min(noise.wv.num_scales, last.wv.num_scales))
         converged = bool(np.all(np.abs(noise.fitted[shared] / last.fitted[shared] - 1) < _UNCHANGED))
-    gls = generalised_least_squares(noise.reduced, rest, X.basis, present)
+    gls = least_squares(noise)
     sandwich = X.basis.T @ np.asarray(covariance_times(noise.reduced, X.basis))
-    coefficients = _coefficients(X, ols + gls.estimates, np.asarray(gls.covariance), unit, level)
+    coefficients = _coefficients(X, ols + gls.estimates, gls.covariance, unit, level)
     return Regression(
         coefficients=coefficients,
         ols=_coefficients(X, ols, sandwich, unit, level),

@@ -185,7 +185,7 @@ def _least_squares(
     inverse = solve_triangular(R, jnp.eye(R.shape[0]))
     b = inverse @ (Q.T @ y)
     error = y - X @ b
-    log_2pi = jnp.sum(present) * math.log(2 * math.pi)
+    log_2pi = jnp.sum(jnp.where(present, math.log(2 * math.pi), 0.0))
     log_likelihood = -(log_2pi + log_determinant + error @ error) / 2
     return GeneralisedLeastSquares(b, inverse @ inverse.T, log_likelihood)
 
