@@ -42,7 +42,7 @@ from gmwm_jax.result import TWO_STEP, Fit
 from gmwm_jax.units import require_si
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wavelet import degrees_of_freedom, interval_factors, scales
-from gmwm_jax.wavelet_host import columns_wavelet_variance
+from gmwm_jax.wavelet_host import gap_wavelet_variance, host_wavelet_variance
 from gmwm_jax.whitening import GeneralisedLeastSquares, covariance_times, generalised_least_squares
 
 if TYPE_CHECKING:
@@ -123,10 +123,8 @@ class Regression:
         False where a sample is missing, shape (N,).
     log_likelihood
         Gaussian log-likelihood of y at `coefficients` and `noise`.
-    num_rounds
-        How often noise and coefficients were estimated in turn.
-    converged
-        Did the noise no longer change in the last round?
+    num_rounds, converged
+        How often noise and coefficients were estimated in turn; did the noise no longer change in the last round?
     """
 
     coefficients: Coefficients
@@ -220,16 +218,16 @@ def regress(
     Raises
     ------
     ValueError
-        A record that is no array of real numbers, is too short, holds inf or no sample at all; a rate that is missing
-        or contradicts the time; regressors that are constant, collinear, of another length or not finite; a record that
-        the regressors describe without any noise; a drift in the model, or one that is too large for the record.
+        A record that is no array of reals, too short, infinite or all missing; a rate that is missing or contradicts
+        the time; regressors that are constant, collinear, of another length or not finite, or that describe the record
+        exactly; a drift in the model, or a model that is too large for the record.
     RuntimeError
         x64 is off, or the fit of the noise did not converge.
 
     Notes
     -----
-    Intervals take the fitted noise as known: with few samples for a slow component they are somewhat short. That
-    samples are missing must not depend on their noise.
+    Intervals take the fitted noise as known: where few samples tell a slow component they are a little short (93 %
+    instead of 95). That samples are missing must not depend on their noise.
     """
     require_x64()
     level = confidence(level)
@@ -247,13 +245,15 @@ def regress(
     X = design(regressors, present, intercept=intercept)
 
     def noise_of(residual: Float[np.ndarray, " N"], spread: Float[np.ndarray, "N p"]) -> Fit:
-        nu = np.sum(columns_wavelet_variance(np.column_stack([residual, spread]), present), axis=1)
+        columns, whole = np.column_stack([residual, spread]), bool(np.all(present))
+        each = [host_wavelet_variance(np.ascontiguousarray(x)) for x in columns.T] if whole else []
+        nu = np.sum(each, axis=0) if whole else gap_wavelet_variance(columns, present)
         # by pairs it may be negative: such a scale and the coarser ones go
         J = len(nu) if np.all(nu > 0) else int(np.argmin(nu > 0))
         num, nu = int(np.sum(present)), nu[:J]
         low, high = interval_factors(degrees_of_freedom(num, J))
-        complete = num if num == len(present) else None
-        wv = WaveletVariance(scales(J), nu, nu * low, nu * high, complete, 0.95, rate, (name,), (unit,), name)
+        known = num if whole else None
+        wv = WaveletVariance(scales(J), nu, nu * low, nu * high, known, 0.95, rate, (name,), (unit,), name)
         return fit(wv, model, omega=TWO_STEP, level=level)
 
     def least_squares(noise: Fit) -> GeneralisedLeastSquares:
@@ -275,7 +275,7 @@ def regress(
         converged = bool(np.all(np.abs(noise.fitted[shared] / last.fitted[shared] - 1) < _UNCHANGED))
     gls = least_squares(noise)
     sandwich = X.basis.T @ np.asarray(covariance_times(noise.reduced, X.basis))
-    coefficients = _coefficients(X, ols + gls.estimates, gls.covariance, unit, level)
+    coefficients = _coefficients(X, ols + gls.estimates, np.asarray(gls.covariance), unit, level)
     return Regression(
         coefficients=coefficients,
         ols=_coefficients(X, ols, sandwich, unit, level),

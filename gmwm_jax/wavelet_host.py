@@ -84,19 +84,8 @@ def host_wavelet_variance(
     return energy / (4.0**j * (num - 2.0**j + 1))
 
 
-def columns_wavelet_variance(
-    columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]
-) -> Float[np.ndarray, "J C"]:
-    """`host_wavelet_variance` of each column, or `gap_wavelet_variance` where samples are missing."""
-    if not np.all(present):
-        return gap_wavelet_variance(columns, present)
-    return np.column_stack([host_wavelet_variance(np.ascontiguousarray(x)) for x in columns.T])
-
-
-def gap_wavelet_variance(
-    columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]
-) -> Float[np.ndarray, "J C"]:
-    """Haar wavelet variance of records with missing samples, by pairs of samples; O(N log N).
+def gap_wavelet_variance(columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]) -> Float[np.ndarray, " J"]:
+    """Haar wavelet variance of records with missing samples, summed over records, by pairs of samples; O(N log N).
 
     Few windows are complete when samples are missing here and there. But a Haar wavelet variance is linear in the
     semivariogram G(k) = E(x_{t+k} - x_t)^2 / 2,
@@ -110,7 +99,7 @@ def gap_wavelet_variance(
     Parameters
     ----------
     columns
-        Records, finite where a sample is present.
+        Records, finite where a sample is present, which is at the same times in all.
     present
         False where a sample is missing.
 
@@ -126,18 +115,18 @@ def gap_wavelet_variance(
     unseen = np.flatnonzero(pairs == 0)
     if len(unseen):
         J = int(unseen[0]).bit_length() - 1
-    k = np.arange(1, 2**J)
-    result = np.empty((J, columns.shape[1]))
-    for c, x in enumerate(columns.T):
-        x = np.where(present, x - np.mean(x[present]), 0.0)
-        f, g = np.fft.rfft(x, size), np.fft.rfft(x * x, size)
-        squares = np.fft.irfft(2 * (z.conj() * g).real - 2 * np.abs(f) ** 2, size)[1 : 2**J]
-        G = squares / (2 * pairs[1 : 2**J])
-        for j in range(J):
-            n = 1 << j
-            lag = k[: 2 * n - 1]
-            kernel = np.maximum(n - np.abs(lag - n), 0) - 2 * np.maximum(n - lag, 0)
-            result[j, c] = 2 * np.dot(kernel, G[: 2 * n - 1]) / (2.0 * n) ** 2
+    centred = [np.where(present, x - np.mean(x[present]), 0.0) for x in columns.T]
+    power = sum(np.abs(np.fft.rfft(x, size)) ** 2 for x in centred)
+    squares = np.fft.rfft(sum(x * x for x in centred), size)
+    # the sum over pairs of (x_{t+k} - x_t)^2
+    differences = np.fft.irfft(2 * (z.conj() * squares).real - 2 * power, size)[1 : 2**J]
+    G = differences / (2 * pairs[1 : 2**J])
+    result, k = np.empty(J), np.arange(1, 2**J)
+    for j in range(J):
+        n = 1 << j
+        lag = k[: 2 * n - 1]
+        kernel = np.maximum(n - np.abs(lag - n), 0) - 2 * np.maximum(n - lag, 0)
+        result[j] = 2 * np.dot(kernel, G[: 2 * n - 1]) / (2.0 * n) ** 2
     return result
 
 
