@@ -51,6 +51,15 @@ from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
 from gmwm_jax.processes.white_noise import WN as WN
 from gmwm_jax.recording import Recording as Recording
+from gmwm_jax.regression import Coefficient as Coefficient
+from gmwm_jax.regression import Coefficients as Coefficients
+from gmwm_jax.regression import Regression as Regression
+from gmwm_jax.regression import regress as regress
+from gmwm_jax.regressors import Regressor as Regressor
+from gmwm_jax.regressors import polynomial as polynomial
+from gmwm_jax.regressors import seasonal as seasonal
+from gmwm_jax.regressors import step as step
+from gmwm_jax.regressors import trend as trend
 from gmwm_jax.replicates import Bootstrap as Bootstrap
 from gmwm_jax.result import Fit as Fit
 from gmwm_jax.result import Fits as Fits
@@ -60,6 +69,11 @@ from gmwm_jax.variance import WaveletVariance as WaveletVariance
 from gmwm_jax.variance import wavelet_variance as wavelet_variance
 from gmwm_jax.wavelet import haar_dwt_variance as haar_dwt_variance
 from gmwm_jax.wavelet import haar_wavelet_variance as haar_wavelet_variance
+from gmwm_jax.whitening import GeneralisedLeastSquares as GeneralisedLeastSquares
+from gmwm_jax.whitening import Whitened as Whitened
+from gmwm_jax.whitening import covariance_times as covariance_times
+from gmwm_jax.whitening import generalised_least_squares as generalised_least_squares
+from gmwm_jax.whitening import whiten as whiten
 from gmwm_jax.wv_covariance import wv_covariance as wv_covariance
 
 __version__ = "0.1.0"

@@ -19,6 +19,7 @@ from gmwm_jax.outliers import RobustComparison
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
+from gmwm_jax.regression import Regression
 from gmwm_jax.result import Fit, Fits
 from gmwm_jax.variance import WaveletVariance
 
@@ -238,6 +239,49 @@ def plot_fits(fits: Fits, *, datasheet: Datasheet | None = None) -> Figure:
                 legend.remove()
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=min(len(handles), 3 * columns))
     return figure
+
+
+def plot_regression(regression: Regression) -> Figure:
+    """Data with what the regressors explain, residuals; beside them the wavelet variance of the noise with its fit.
+
+    Parameters
+    ----------
+    regression
+        The regression of one record.
+    """
+    figure = plt.figure(figsize=(13, 6.6), layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(3, 1))
+    (top, variance), (bottom, pulls) = [[figure.add_subplot(grid[i, j]) for j in range(2)] for i in range(2)]
+    bottom.sharex(top)
+    pulls.sharex(variance)
+    for ax in (top, variance):
+        ax.tick_params(labelbottom=False)
+    t, unit = regression.time, _pretty(regression.noise.unit)
+    _draw_samples(top, t, regression.data, "data")
+    top.plot(t, regression.fitted, color=_FIT, lw=1.4, label="fit")
+    _draw_samples(bottom, t, regression.residuals, "residuals")
+    bottom.axhline(0, color="0.4", lw=0.8)
+    name = regression.noise.wv.channels[0]
+    missing = f", {regression.num_missing} missing" if regression.num_missing else ""
+    top.set_title(f"{name}: {len(t)} samples{missing}", fontsize=10)
+    top.set_ylabel(f"{name} [{unit}]")
+    bottom.set_ylabel(f"residual [{unit}]")
+    bottom.set_xlabel("time [s]")
+    top.legend(fontsize=8)
+    bottom.margins(x=0)
+    plot_fit(regression.noise, axes=(variance, pulls))
+    return figure
+
+
+def _draw_samples(ax: Axes, t: np.ndarray, x: np.ndarray, label: str) -> None:
+    """A record with missing samples: points, or if there are many the range in each of a few thousand bins."""
+    if len(x) <= _MAX_POINTS:
+        ax.plot(t, x, ".", color=_DATA, ms=2, label=label)
+        return
+    first = np.arange(0, len(x), -(-len(x) // (_MAX_POINTS // 2)))
+    ax.fill_between(
+        t[first], np.fmin.reduceat(x, first), np.fmax.reduceat(x, first), color=_DATA, alpha=0.45, lw=0, label=label
+    )
 
 
 def _draw_variance(ax: Axes, wv: WaveletVariance, colour: str, label: str) -> None:

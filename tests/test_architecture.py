@@ -29,6 +29,7 @@ GMWM_JAX = """
     wv_covariance inference estimates weights
     outliers
     result allan fitting refit intervals replicates _progress bootstrapping
+    whitening regressors regression
     plot demo cli __main__
     __init__
 """
