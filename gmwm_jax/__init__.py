@@ -42,6 +42,8 @@ from gmwm_jax.processes._state_space import StateSpace as StateSpace
 from gmwm_jax.processes.drift import DR as DR
 from gmwm_jax.processes.gauss_markov import AR1 as AR1
 from gmwm_jax.processes.gauss_markov import GM as GM
+from gmwm_jax.processes.matern import MAT32 as MAT32
+from gmwm_jax.processes.matern import MAT52 as MAT52
 from gmwm_jax.processes.quantisation import QN as QN
 from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model

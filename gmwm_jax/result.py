@@ -118,11 +118,11 @@ class Fit:
         limits: dict[type[AbstractProcess], float] = {}
         for label, p in zip(self.model.labels, self.model.processes, strict=True):
             note = self.at_boundary.get(label, "")
-            form = p.state_space() if note.startswith(AT) and note != ZERO else None
+            form = p.state_space() if note in (f"{AT}random walk", f"{AT}white noise") else None
             if form is not None and note == f"{AT}random walk":
                 limits[RW] = limits.get(RW, 0.0) + float(form.driving[0, 0])
             elif form is not None:
-                limits[WN] = limits.get(WN, 0.0) + float(form.initial[0, 0])
+                limits[WN] = limits.get(WN, 0.0) + float(form.readout @ form.initial @ form.readout)
             elif note != ZERO:
                 kept.append(p)
         for cls, amplitude in limits.items():

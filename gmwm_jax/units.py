@@ -272,6 +272,24 @@ _GM_FILTER = (
 )  # fmt: skip
 
 
+def _matern(power: int, factor: float, dimension: str, white: Callable[..., Any]) -> ContinuousForm:
+    """Low-pass filters in a row: q = factor beta^power variance drives (d/dt + beta)^p x (Gelb 1974)."""
+    return ContinuousForm(
+        filter=(
+            _GM_FILTER[0],
+            Quantity("q", "PSD of the driving noise", f"^2/{dimension}",
+                     lambda beta, variance, f: factor * (beta * f) ** power * variance, reads=(0, 1),
+                     determined_at="drift"),
+        ),
+        datasheet=(
+            _GM_DATASHEET[0],
+            _GM_DATASHEET[1]._replace(meaning="time constant"),
+            _GM_DATASHEET[3]._replace(value=lambda beta, variance, f: jnp.sqrt(white(beta) * variance / f)),
+        ),
+        inverse=lambda beta, q, f: (beta / f, q / (factor * beta**power)),
+    )  # fmt: skip
+
+
 def _ar1_as_gm(quantity: Quantity) -> Quantity:
     def value(phi: Any, sigma2: Any, f: Any) -> Any:
         return quantity.value(-jnp.log(phi), sigma2 / ((1 - phi) * (1 + phi)), f)
@@ -329,6 +347,13 @@ CONTINUOUS: dict[str, ContinuousForm] = {
         ),
         # sigma2 = variance (1 - phi^2), by expm1 since phi may be 1 - 1e-12
         inverse=lambda beta, q, f: (jnp.exp(-beta / f), -q / (2 * beta) * jnp.expm1(-2 * beta / f)),
+    ),
+    # the PSD at frequency 0, by differentiating that of GM, coth(beta/2): see `processes.matern`
+    "MAT32": _matern(3, 4.0, "s^3", lambda beta: 1 / jnp.tanh(beta / 2) + beta / 2 / jnp.sinh(beta / 2) ** 2),
+    "MAT52": _matern(
+        5, 16 / 3, "s^5",
+        lambda beta: (1 + beta * beta / 6 / jnp.sinh(beta / 2) ** 2) / jnp.tanh(beta / 2)
+        + beta / 2 / jnp.sinh(beta / 2) ** 2,
     ),
 }  # fmt: skip
 """One row a process: its quantities in continuous time and the inverse to per-sample parameters."""

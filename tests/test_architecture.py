@@ -19,6 +19,7 @@ GMWM_JAX = """
     processes/__init__ processes/_parameter processes/_haar processes/_recursion processes/_state_space
     processes/_base
     processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
+    processes/matern
     processes/registry
     simulation datasheet
     wavelet wavelet_host

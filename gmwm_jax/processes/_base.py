@@ -252,7 +252,7 @@ class Composite(eqx.Module):
     Parameters
     ----------
     processes
-        At most one of each kind whose members could not be told apart (WN, QN, RW, DR), any number of GM or of AR1.
+        At most one of each kind whose members could not be told apart (WN, QN, RW, DR), any number of the others.
     """
 
     processes: tuple[AbstractProcess, ...]

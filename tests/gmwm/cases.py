@@ -19,6 +19,7 @@ import scipy.linalg
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.gauss_markov import AR1, GM
+from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
@@ -48,6 +49,10 @@ class Case:
     mean: Callable[..., Any] = lambda *parameters: MP.mpf(0)
     """Mean of the process after `differences`."""
     gaussian: bool = True
+    rtol: float = 1e-13
+    """What the wavelet variance keeps."""
+    short_memory: Callable[..., bool] = lambda *parameters: True
+    """Has the correlation of this parameter set died out, to 1e-11, after 2^19 samples?"""
 
     @property
     def stationary(self) -> bool:
@@ -76,6 +81,47 @@ def _ar1_psd(phi, sigma2, f):
 def _gm(law):
     """A law of GM(beta, variance) from that of AR1(phi, sigma2)."""
     return lambda beta, variance, x: law(MP.exp(-beta), -variance * MP.expm1(-2 * beta), x)
+
+
+def _lag_sum(phi, m, k):
+    """sum_{h=1}^{m-1} (m - h) h^k phi^h, by applying phi d/dphi k times to its closed form for k = 0.
+
+    Terms c phi^p/(1 - phi)^q, of which phi d/dphi makes c p phi^p/(1 - phi)^q + c q phi^(p+1)/(1 - phi)^(q+1).
+    """
+    terms = [(m, 1, 1), (-1, 1, 2), (1, m + 1, 2)]
+    for _ in range(k):
+        terms = [(c * p, p, q) for c, p, q in terms] + [(c * q, p + 1, q + 1) for c, p, q in terms]
+    return sum(c * phi**p / (1 - phi) ** q for c, p, q in terms)
+
+
+def _matern(*polynomial):
+    """Laws for the autocovariance variance sum_k c_k (beta h)^k exp(-beta h): three functions of (beta, variance, x)."""
+
+    def autocovariance(beta, variance, num):
+        gamma = []
+        for h in range(num):
+            x = beta * h
+            gamma.append(variance * MP.exp(-x) * sum(x**k * a / b for k, (a, b) in enumerate(polynomial)))
+        return gamma
+
+    def closed_form(beta, variance, tau):
+        with MP.workdps(250):  # it cancels as beta^5
+            phi, n = MP.exp(-beta), tau // 2
+
+            def variance_of_sum(m):
+                sums = (MP.mpf(a) / b * beta**k * _lag_sum(phi, m, k) for k, (a, b) in enumerate(polynomial))
+                return m + 2 * sum(sums)
+
+            return variance * (4 * variance_of_sum(n) - variance_of_sum(2 * n)) / (4 * MP.mpf(n) ** 2)
+
+    def psd(beta, variance, f):
+        with MP.workdps(250):
+            z = MP.exp(-beta) * MP.expjpi(-2 * f)
+            sums = (z / (1 - z), z / (1 - z) ** 2, z * (1 + z) / (1 - z) ** 3)  # of h^k z^h
+            one_sided = sum(MP.mpf(a) / b * beta**k * s for k, ((a, b), s) in enumerate(zip(polynomial, sums)))
+            return variance * (1 + 2 * one_sided.real)
+
+    return {"closed_form": closed_form, "autocovariance": autocovariance, "psd": psd}
 
 
 _BETAS = (1e-12, 1e-9, 1e-6, 1e-4, 1.688923e-3, 1e-2, 0.1, 0.3, 0.7, 1.0, 2.0, 5.0, 20.0, 50.0)
@@ -128,6 +174,7 @@ CASES = (
         closed_form=_ar1_closed_form,
         autocovariance=_ar1,
         psd=_ar1_psd,
+        short_memory=lambda phi, sigma2: abs(phi) < 1 - 1e-4,
     ),
     Case(
         GM,
@@ -136,6 +183,18 @@ CASES = (
         closed_form=_gm(_ar1_closed_form),
         autocovariance=_gm(_ar1),
         psd=_gm(_ar1_psd),
+        short_memory=lambda beta, variance: beta >= 1e-4,
+    ),
+    *(
+        Case(
+            cls,
+            parameters=tuple((beta, 0.6) for beta in (0.3, 1e-12, 1e-6, 1.688923e-3, 5.0, 50.0)),
+            outside=((0.0, 1.0), (-0.1, 1.0), (np.inf, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+            **_matern(*polynomial),
+            rtol=1e-12,
+            short_memory=lambda beta, variance: beta >= 2e-4,
+        )
+        for cls, polynomial in ((MAT32, ((1, 1), (1, 1))), (MAT52, ((1, 1), (1, 1), (1, 3))))
     ),
 )
 
