@@ -40,6 +40,8 @@ from gmwm_jax.processes._base import Composite as Composite
 from gmwm_jax.processes._parameter import Fixed as Fixed
 from gmwm_jax.processes._state_space import StateSpace as StateSpace
 from gmwm_jax.processes.drift import DR as DR
+from gmwm_jax.processes.flicker import BI as BI
+from gmwm_jax.processes.fractional import FGN as FGN
 from gmwm_jax.processes.gauss_markov import AR1 as AR1
 from gmwm_jax.processes.gauss_markov import GM as GM
 from gmwm_jax.processes.matern import MAT32 as MAT32

@@ -4,7 +4,7 @@ A process is *separable*: its covariance is an amplitude (a variance, a squared 
 depends on the remaining *shape* parameters only. The estimator solves for amplitudes exactly and searches over shapes.
 
 One more process is one file that derives from `AbstractProcess`, one entry in `gmwm_jax.processes.registry`, one row in
-`gmwm_jax.units.CONTINUOUS` and one row in the table of the tests.
+`gmwm_jax.continuous.CONTINUOUS` and one row in the table of the tests.
 """
 
 import abc

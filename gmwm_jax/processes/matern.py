@@ -66,15 +66,15 @@ class _Matern(AbstractProcess):
         return beta * beta * (beta * _derivative(slope)(beta) - slope(beta)) / 3
 
     @classmethod
-    def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
+    def unit_wavelet_variance(cls, shape, tau):
         return cls._from_gauss_markov(lambda beta: wavelet_variance_over_beta(beta, tau), shape[0])
 
     @classmethod
-    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
+    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):
         return cls._from_gauss_markov(lambda beta: haar_covariance_over_beta(beta, lag, n_j, n_k), shape[0])
 
     @classmethod
-    def unit_psd(cls, shape, frequency):  # noqa: D102
+    def unit_psd(cls, shape, frequency):
         beta = jnp.minimum(shape[0], _LARGEST_BETA)
         chord = 4 * jnp.sin(jnp.pi * frequency) ** 2
         slope = _derivative(lambda y: 2 * sinh_ratio(y) / (four_sinh_squared(y) + chord))
@@ -83,37 +83,37 @@ class _Matern(AbstractProcess):
         return 4 / 3 * beta**5 * _derivative(slope)(beta * beta)
 
     @classmethod
-    def unit_autocovariance(cls, shape, lag):  # noqa: D102
+    def unit_autocovariance(cls, shape, lag):
         x = shape[0] * lag
         return (1 + x + (x * x / 3 if cls.order == 3 else 0.0)) * jnp.exp(-x)
 
     @classmethod
-    def shape_from_coordinate(cls, coordinate):  # noqa: D102
+    def shape_from_coordinate(cls, coordinate):
         return GM.shape_from_coordinate(coordinate)
 
     @classmethod
-    def coordinate_from_shape(cls, shape):  # noqa: D102
+    def coordinate_from_shape(cls, shape):
         return GM.coordinate_from_shape(shape)
 
     @classmethod
-    def coordinate_bounds(cls, tau_max):  # noqa: D102
+    def coordinate_bounds(cls, tau_max):
         return GM.coordinate_bounds(tau_max)
 
     @classmethod
-    def limit_of(cls, shape, tau_max):  # noqa: D102
+    def limit_of(cls, shape, tau_max):
         if shape[0] > _WHITE_NOISE_BETA:
             return "white noise"
         return "drift" if shape[0] * tau_max < _DRIFT_BETA_TAU else ""
 
     @classmethod
-    def start_nodes(cls, tau_max, num):  # noqa: D102
+    def start_nodes(cls, tau_max, num):
         return GM.start_nodes(tau_max, num)
 
     @classmethod
-    def correlation_time(cls, shape):  # noqa: D102
+    def correlation_time(cls, shape):
         return 1 / shape[0]
 
-    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
+    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:
         form = self.state_space()
         e = jax.random.normal(key, (num_samples + 1, self.order), dtype=jnp.float64)
         start = jnp.linalg.cholesky(form.initial) @ e[0]

@@ -18,6 +18,8 @@ import scipy.linalg
 
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.flicker import BI
+from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
@@ -95,7 +97,7 @@ def _lag_sum(phi, m, k):
 
 
 def _matern(*polynomial):
-    """Laws for the autocovariance variance sum_k c_k (beta h)^k exp(-beta h): three functions of (beta, variance, x)."""
+    """Laws for the autocovariance sum_k c_k (beta h)^k exp(-beta h): three functions of (beta, variance, x)."""
 
     def autocovariance(beta, variance, num):
         gamma = []
@@ -118,10 +120,34 @@ def _matern(*polynomial):
         with MP.workdps(250):
             z = MP.exp(-beta) * MP.expjpi(-2 * f)
             sums = (z / (1 - z), z / (1 - z) ** 2, z * (1 + z) / (1 - z) ** 3)  # of h^k z^h
-            one_sided = sum(MP.mpf(a) / b * beta**k * s for k, ((a, b), s) in enumerate(zip(polynomial, sums)))
+            one_sided = sum(
+                MP.mpf(a) / b * beta**k * s for k, ((a, b), s) in enumerate(zip(polynomial, sums, strict=False))
+            )
             return variance * (1 + 2 * one_sided.real)
 
     return {"closed_form": closed_form, "autocovariance": autocovariance, "psd": psd}
+
+
+def _fgn(H, sigma2, num):
+    """Mandelbrot & Van Ness (1968): the second difference of the variance |m|^(2H) of the integrated noise."""
+    power = [MP.mpf(m) ** (2 * H) if m else MP.mpf(0) for m in range(num + 1)]
+    return [sigma2 * (power[abs(h - 1)] - 2 * power[h] + power[h + 1]) / 2 for h in range(num)]
+
+
+def _aliased(h, alpha, f):
+    """sum_k h |f+k|^-alpha sinc(f+k)^2."""
+    s = alpha + 2
+    return h * (MP.sinpi(f) / MP.pi) ** 2 * (MP.zeta(s, f) + MP.zeta(s, 1 - f))
+
+
+def _fgn_psd(H, sigma2, f):
+    return _aliased(sigma2 * MP.sinpi(H) * MP.gamma(2 * H + 1) * (2 * MP.pi) ** (1 - 2 * H), 2 * H - 1, f)
+
+
+def _flicker_steps(B, num):
+    """Of x_t - x_{t-1}: the fourth difference of the generalised covariance B^2/(2 pi) m^2 log|m|."""
+    K = [B**2 / (2 * MP.pi) * m**2 * MP.log(m) if m else MP.mpf(0) for m in range(num + 2)]
+    return [K[h + 2] + K[abs(h - 2)] - 4 * (K[h + 1] + K[abs(h - 1)]) + 6 * K[h] for h in range(num)]
 
 
 _BETAS = (1e-12, 1e-9, 1e-6, 1e-4, 1.688923e-3, 1e-2, 0.1, 0.3, 0.7, 1.0, 2.0, 5.0, 20.0, 50.0)
@@ -195,6 +221,25 @@ CASES = (
             short_memory=lambda beta, variance: beta >= 2e-4,
         )
         for cls, polynomial in ((MAT32, ((1, 1), (1, 1))), (MAT52, ((1, 1), (1, 1), (1, 3))))
+    ),
+    Case(
+        FGN,
+        parameters=tuple((H, 1.3) for H in (0.3, 0.001, 0.5, 0.5 + 1e-8, 0.75, 0.8999, 0.9001, 0.99, 0.999999)),
+        outside=((0.0, 1.0), (1.0, 1.0), (-0.1, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        closed_form=lambda H, sigma2, tau: sigma2 * MP.mpf(tau // 2) ** (2 * H - 2) * (1 - MP.mpf(4) ** (H - 1)),
+        autocovariance=_fgn,
+        psd=_fgn_psd,
+        short_memory=lambda H, sigma2: False,
+    ),
+    Case(
+        BI,
+        parameters=((1.0,), (3e-6,), (0.2,)),
+        outside=((-1.0,), (np.nan,), (np.inf,)),
+        closed_form=lambda B, tau: B**2 * MP.log(2) / MP.pi,
+        autocovariance=_flicker_steps,
+        psd=lambda B, f: _aliased(B**2 / (2 * MP.pi), 1, f),
+        differences=1,
+        short_memory=lambda B: False,
     ),
 )
 

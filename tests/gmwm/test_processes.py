@@ -24,6 +24,8 @@ from gmwm_jax._check import require_x64
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.flicker import BI
+from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
@@ -268,6 +270,22 @@ def test_psd_through_the_haar_filter_is_the_wavelet_variance(case):
         np.testing.assert_allclose(
             [jnp.mean(g * spectrum) for g in gains], process.wavelet_variance(taus), rtol=1e-8, err_msg=str(values)
         )
+
+
+@pytest.mark.parametrize("process", [FGN(0.01, 1.3), FGN(0.3, 1.3), FGN(0.8, 1.3), FGN(0.99, 1.3), BI(0.2)], ids=repr)
+def test_long_memory_psd_through_the_haar_filter(process):
+    """The same for a spectrum with a pole: by a Gauss rule in each octave of frequencies."""
+    x, w = np.polynomial.legendre.leggauss(64)
+    octaves = 0.5 ** np.arange(2, 300)[:, None]
+    f, weight = octaves * (1.5 + 0.5 * x), octaves * w  # f = 1/2 down to 0; both signs of f
+    spectrum = np.asarray(process.psd(f.ravel())).reshape(f.shape)
+    taus = [2, 4, 6, 32]
+    seen = [np.sum(weight * spectrum * haar_gain(tau, f)) for tau in taus]
+    np.testing.assert_allclose(seen, process.wavelet_variance(taus), rtol=1e-11)
+    if isinstance(process, FGN):
+        # what lies below the last octave, 2^-300, is 1.6 % of the variance for H = 0.99
+        missed = 2 * float(process.psd(octaves[-1])[0]) * octaves[-1, 0] / (2 - 2 * float(process.values[0]))
+        np.testing.assert_allclose(np.sum(weight * spectrum) + missed, 1.3, rtol=1e-10)
 
 
 @pytest.mark.parametrize("case", rows(stationary=True))

@@ -8,16 +8,15 @@ from gmwm.cases import rows
 from helpers import assert_mean
 
 from gmwm_jax._check import sampling_rate
+from gmwm_jax.continuous import CONTINUOUS, derived_unit
 from gmwm_jax.estimates import continuous_table
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import (
-    CONTINUOUS,
     UNITS,
     convert,
-    derived_unit,
     from_continuous,
     signal_unit,
     to_continuous,

@@ -10,6 +10,7 @@ from helpers import CountTraces, assert_covariance
 
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
@@ -175,7 +176,7 @@ def test_gradient_forward_reverse_and_numerical(case):
         assert np.all(np.isfinite(r)), values
         for i, x in enumerate(values):
             alternates = i == 0 and x < -0.99  # the covariance has no digits left for a difference quotient
-            size = 1 - abs(x) if case.cls is AR1 and i == 0 else x
+            size = {AR1: 1 - abs(x), FGN: min(x, 1 - x)}.get(case.cls, x) if i == 0 else x
             h = np.zeros(len(values))
             h[i] = 1e-4 * size
             # fourth order

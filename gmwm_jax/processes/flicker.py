@@ -1,0 +1,77 @@
+"""Flicker noise, the bias instability of data sheets, and its approximation by Gauss-Markov processes for filters."""
+
+import math
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._typing import PRNGKey, Scalar
+from gmwm_jax.processes import _power_law
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._circulant import draw_stationary
+from gmwm_jax.processes._parameter import Parameter
+from gmwm_jax.processes._state_space import StateSpace
+
+
+class BI(AbstractProcess):
+    """Bias instability: flicker noise with the two-sided PSD B^2/(2 pi f), whose Allan deviation is flat, 0.664 B.
+
+    As a sensor samples it that integrates over each sample (see `_power_law`). The definition of IEEE 952, annex
+    C.1.3, without a cutoff frequency f0: with one, the Allan deviation falls below the flat part at times below 1/f0,
+    where the white noise of any sensor hides it. No corner is needed at low frequencies either.
+
+    Parameters
+    ----------
+    B
+        Coefficient of bias instability, u. The same at every sampling rate.
+
+    Notes
+    -----
+    Wavelet variance B^2 log(2)/pi at all scales. Not stationary (its variance grows with the logarithm of time); a
+    simulation starts from zero. It has no finite state: `flicker_ladder` is a sum of GM that approximates it.
+    """
+
+    B: Scalar | None
+
+    kind: ClassVar[str] = "BI"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("B", "{u}", "bias instability"),)
+
+    def __init__(self, B: Any = None):
+        self._set(B=B)
+
+    @staticmethod
+    def amplitude_of(value: Any) -> Any:  # noqa: D102
+        return value * value
+
+    @staticmethod
+    def value_of(amplitude: Any) -> Any:  # noqa: D102
+        positive = amplitude > 0
+        return jnp.where(positive, jnp.sqrt(jnp.where(positive, amplitude, 1.0)), 0.0)
+
+    @classmethod
+    def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
+        return jnp.full_like(tau, math.log(2) / math.pi)
+
+    @classmethod
+    def unit_psd(cls, shape, frequency):  # noqa: D102
+        return _power_law.psd(3.0, frequency) / (2 * math.pi)
+
+    @classmethod
+    def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
+        # the generalised covariance m^2 log|m|/(2 pi) has the wavelet variance log(2)/pi
+        return _power_law.haar_covariance(jnp.asarray(2.0), lag, n_j, n_k) / (2 * math.pi)
+
+    def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
+        self.require_complete()
+        lag = jnp.arange(num_samples + 1, dtype=jnp.float64)
+        one = jnp.ones_like(lag)
+        # the steps x_t - x_{t-1} are twice the Haar coefficients of level 1
+        steps = draw_stationary(4 * self.unit_haar_covariance((), lag, one, one, one), key)
+        return jnp.sqrt(self.amplitude) * jnp.cumsum(steps)
+
+    def state_space(self) -> StateSpace | None:
+        """None: it has a memory on all time scales at once."""
+        self.require_complete()
+        return None
