@@ -41,6 +41,7 @@ from gmwm_jax.processes._parameter import Fixed as Fixed
 from gmwm_jax.processes._state_space import StateSpace as StateSpace
 from gmwm_jax.processes.drift import DR as DR
 from gmwm_jax.processes.flicker import BI as BI
+from gmwm_jax.processes.flicker import flicker_ladder as flicker_ladder
 from gmwm_jax.processes.fractional import FGN as FGN
 from gmwm_jax.processes.gauss_markov import AR1 as AR1
 from gmwm_jax.processes.gauss_markov import GM as GM

@@ -2,9 +2,9 @@
 
 An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model of its own. What a process is to a
 filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR and
-MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not grow: a
-filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that is. Noise
-of long memory (BI, FGN) has none either: `gmwm_jax.flicker_ladder` gives a filter one that it can have.
+MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not
+grow: a filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that
+is. Noise of long memory (BI, FGN) has no state either; `gmwm_jax.flicker_ladder` approximates BI by GM.
 """
 
 import json

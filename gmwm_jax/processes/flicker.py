@@ -4,15 +4,23 @@ import math
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
+from scipy.optimize import nnls
 
+from gmwm_jax._check import as_float, integer, positive
 from gmwm_jax._typing import PRNGKey, Scalar
 from gmwm_jax.processes import _power_law
-from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._circulant import draw_stationary
 from gmwm_jax.processes._parameter import Parameter
 from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax.processes.gauss_markov import GM
+
+_POINTS_PER_GM = 30
+_STRETCHES = np.geomspace(1.0, 3.0, 13)
+"""By how much the outermost corners of a ladder may lie outside its band: the best is taken."""
 
 
 class BI(AbstractProcess):
@@ -75,3 +83,45 @@ class BI(AbstractProcess):
         """None: it has a memory on all time scales at once."""
         self.require_complete()
         return None
+
+
+def flicker_ladder(B: Any, low: float, high: float, num: int) -> Composite:
+    """Approximate flicker noise by a sum of Gauss-Markov processes, which a filter can have as states.
+
+    Flicker noise is the sum of GM of all correlation times, each with the same variance B^2/pi per unit of log(beta)
+    (van der Ziel 1950); a ladder takes a few, evenly spaced in log(beta).
+
+    Parameters
+    ----------
+    B
+        Coefficient of bias instability, u, see `BI`.
+    low, high
+        Band in cycles per sample in which the PSD is to agree, 0 < low < high <= 1/10; in Hz divided by the rate.
+    num
+        Number of GM, 2 or more. The largest relative error of the PSD in the band is below 8 % with one GM a decade and
+        one more, below 1 % with two a decade and one more.
+
+    Returns
+    -------
+    A sum of GM. Below the band its spectrum is flat, above it falls faster than that of flicker noise.
+
+    Raises
+    ------
+    ValueError
+        A band outside that range, fewer than 2 processes, a negative B.
+    """
+    num = integer("num", num, 2)
+    positive("B", B, zero_ok=True)
+    if not 0 < low < high <= 0.1:
+        raise ValueError(f"The band must lie in 0 < low < high <= 0.1 cycles per sample, and is {low!r} to {high!r}.")
+    frequency = np.geomspace(low, high, _POINTS_PER_GM * num)
+    flicker = np.asarray(BI(1.0).psd(frequency))
+    best = np.inf
+    for stretch in _STRETCHES:
+        candidates = 2 * math.pi * np.geomspace(low / stretch, high * stretch, num)
+        spectra = np.stack([GM.unit_psd((beta,), jnp.asarray(frequency)) for beta in candidates], axis=1)
+        weights, _ = nnls(spectra / flicker[:, None], np.ones(len(frequency)))
+        error = np.max(np.abs(spectra @ weights / flicker - 1))
+        if error < best:
+            best, betas, variances = error, candidates, weights
+    return Composite([GM(b, as_float(B) ** 2 * v) for b, v in zip(betas, variances, strict=True)])

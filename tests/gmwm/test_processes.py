@@ -27,6 +27,7 @@ from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
+from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
@@ -530,7 +531,7 @@ def test_other_things_do_not_add():
 # -- the coordinate that estimation searches -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("cls", [GM, AR1])
+@pytest.mark.parametrize("cls", [GM, AR1, MAT32, MAT52, FGN])
 def test_shape_coordinate(cls):
     """A bijection that is increasing in the correlation time or its inverse; the search starts between its bounds."""
     tau_max = 2.0**20
@@ -538,8 +539,8 @@ def test_shape_coordinate(cls):
     for z in np.linspace(low, high, 9)[1:-1]:
         shape = cls.shape_from_coordinate(jnp.asarray(z))
         cls(*shape, 1.0)
-        # phi keeps 1e-16/(1 - phi) of the coordinate
-        slack = 1e-12 + (4e-16 / (1 - abs(float(shape[0]))) if cls is AR1 else 0.0)
+        # phi and H keep 1e-16/(1 - phi) of the coordinate
+        slack = 1e-12 + (4e-16 / (1 - abs(float(shape[0]))) if cls in (AR1, FGN) else 0.0)
         np.testing.assert_allclose(cls.coordinate_from_shape(shape), z, rtol=slack, atol=slack)
     nodes = cls.start_nodes(tau_max, 12)
     assert len(nodes) == 12
@@ -561,6 +562,21 @@ def test_nothing_is_lost_beyond_the_bounds(cls):
         np.testing.assert_allclose(GM.unit_wavelet_variance(fast, jnp.asarray(tau)), 1 / tau, rtol=1e-12)
 
 
+@pytest.mark.parametrize("cls", [MAT32, MAT52, FGN])
+def test_the_ends_of_the_search_are_the_limits(cls):
+    """To 1e-7: a drift and white noise; flicker noise and quantisation noise."""
+    tau = 2.0 ** np.arange(1, 21)
+    seen = {}
+    for z in cls.coordinate_bounds(tau[-1]):
+        shape = cls.shape_from_coordinate(jnp.asarray(z))
+        seen[cls.limit_of(shape, tau[-1])] = np.asarray(cls.unit_wavelet_variance(shape, jnp.asarray(tau)))
+    limits = {"drift": DR(1.0), "white noise": WN(1.0), "flicker noise": BI(1.0), "quantisation noise": QN(1.0)}
+    assert set(seen) == ({"flicker noise", "quantisation noise"} if cls is FGN else {"drift", "white noise"})
+    for name, variance in seen.items():
+        expected = np.asarray(limits[name].wavelet_variance(tau))
+        np.testing.assert_allclose(variance / variance[-1], expected / expected[-1], rtol=1e-7)
+
+
 @pytest.mark.parametrize(
     ("process", "limit"),
     [
@@ -569,12 +585,24 @@ def test_nothing_is_lost_beyond_the_bounds(cls):
         (GM(7.0, 1.0), "white noise"),
         (AR1(1 - 1e-9, 1.0), "random walk"),
         (AR1(0.9, 1.0), ""),
+        (MAT32(1e-8, 1.0), "drift"),
+        (MAT32(1e-3, 1.0), ""),
+        (MAT32(7.0, 1.0), ""),
+        (MAT32(11.0, 1.0), "white noise"),
+        (MAT52(1e-8, 1.0), "drift"),
+        (MAT52(9.0, 1.0), ""),
+        (MAT52(10.5, 1.0), "white noise"),
+        (FGN(0.9999, 1.0), "flicker noise"),
+        (FGN(0.99, 1.0), ""),
+        (FGN(1e-4, 1.0), "quantisation noise"),
+        (FGN(0.01, 1.0), ""),
     ],
 )
 def test_limit_is_named_where_the_variance_agrees_to_one_per_cent(process, limit):
     tau = np.array([2.0**j for j in range(1, 17)])
     assert type(process).limit_of(process.shape, tau[-1]) == limit
     seen = np.asarray(process.wavelet_variance(tau))
-    for name, other in {"random walk": RW(1.0), "white noise": WN(1.0)}.items():
+    others = {"random walk": RW(1.0), "white noise": WN(1.0), "drift": DR(1.0), "flicker noise": BI(1.0)}
+    for name, other in {**others, "quantisation noise": QN(1.0)}.items():
         ratio = np.asarray(other.wavelet_variance(tau)) / seen
         assert (np.ptp(ratio) < 0.01 * np.mean(ratio)) == (limit == name)
