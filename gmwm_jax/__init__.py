@@ -50,6 +50,7 @@ from gmwm_jax.processes.matern import MAT52 as MAT52
 from gmwm_jax.processes.quantisation import QN as QN
 from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
+from gmwm_jax.processes.sinusoid import SIN as SIN
 from gmwm_jax.processes.white_noise import WN as WN
 from gmwm_jax.recording import Recording as Recording
 from gmwm_jax.result import Fit as Fit

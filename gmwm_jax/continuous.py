@@ -185,6 +185,19 @@ CONTINUOUS: dict[str, ContinuousForm] = {
         ),
         inverse=lambda B, f: (1.0 * B,),
     ),
+    "SIN": ContinuousForm(
+        filter=(
+            Quantity("omega", "angular frequency", None, lambda beta, alpha2, f: beta * f, unit="rad/s"),
+            Quantity("alpha2", "square of the amplitude", "^2", lambda beta, alpha2, f: 1.0 * alpha2, reads=(1,)),
+        ),
+        datasheet=(
+            Quantity("f_0", "frequency", None, lambda beta, alpha2, f: beta * f / (2 * jnp.pi), unit="1/s",
+                     gyro=("Hz",), accel=("Hz",)),
+            Quantity("alpha", "amplitude", "", lambda beta, alpha2, f: jnp.sqrt(alpha2), reads=(1,),
+                     gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+        ),
+        inverse=lambda omega, alpha2, f: (omega / f, 1.0 * alpha2),
+    ),
     "FGN": ContinuousForm(
         filter=(_HURST, Quantity("S_1", "PSD at 1 Hz", "^2/Hz", _density_at_1_hz, reads=(0, 1))),
         datasheet=(

@@ -150,9 +150,10 @@ class Fit:
     def wv_covariance(self) -> Float[np.ndarray, "J J"] | None:
         """Covariance of the wavelet variance under the fitted model; None where there is no theory for it.
 
-        It needs the length of the record, all scales 2 .. 2^J, and the MODWT.
+        It needs the length of the record, all scales 2 .. 2^J, the MODWT, and a model without SIN.
         """
-        if self.wv.num_samples is None or not self.wv.has_theory:
+        ergodic = all(p.ergodic for p in self.model.processes)
+        if self.wv.num_samples is None or not self.wv.has_theory or not ergodic:
             return None
         return np.asarray(wv_covariance(self.model, self.wv.num_samples, self.wv.num_scales))
 
@@ -218,7 +219,7 @@ class Fit:
         if self.rate:
             lines += ["", str(self.continuous()), "", str(self.datasheet())]
         if self.wv_covariance is None:
-            lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, and the MODWT."]
+            lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, the MODWT, no SIN."]
         return "\n".join(lines)
 
     def __repr__(self) -> str:

@@ -212,7 +212,7 @@ def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[
     -------
     WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s] and q [u^2/s], NaN for an AR1 with
     phi <= 0, which has no continuous form; MAT32 and MAT52: beta [1/s] and q [u^2/s^3, u^2/s^5]; BI: B [u]; FGN: H and
-    the PSD at 1 Hz [u^2/Hz].
+    the PSD at 1 Hz [u^2/Hz]; SIN: omega [rad/s] and alpha2 [u^2].
 
     Raises
     ------

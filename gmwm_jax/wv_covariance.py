@@ -140,7 +140,7 @@ def wv_covariance(
     Raises
     ------
     ValueError
-        A parameter without value; too short a record.
+        A parameter without value; too short a record; a component that is not ergodic (SIN).
     """
     require_x64()
     model = as_model(model)
@@ -148,6 +148,8 @@ def wv_covariance(
     J = check_num_levels(num_samples, num_levels)
     for process in model.processes:
         process.require_complete()
+        if not process.ergodic:
+            raise ValueError(f"There is no covariance of the wavelet variance of {process.kind}: it is not ergodic.")
     return _covariance(model, lag_quadrature(num_samples, J), J)
 
 

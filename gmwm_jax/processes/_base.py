@@ -37,6 +37,8 @@ class AbstractProcess(eqx.Module):
     """In the order of the fields; the last one carries the amplitude."""
     repeatable: ClassVar[bool] = False
     """May a model hold several? Only where shapes tell them apart."""
+    ergodic: ClassVar[bool] = True
+    """Does one record tell the law of all? Else its wavelet variance has no covariance of the usual kind."""
     fixed: tuple[str, ...] = eqx.field(static=True)
     """Names of the parameters that estimation holds."""
 

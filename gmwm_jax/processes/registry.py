@@ -12,9 +12,10 @@ from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 
-_ALL: tuple[type[AbstractProcess], ...] = (WN, QN, RW, DR, AR1, GM, MAT32, MAT52, FGN, BI)
+_ALL: tuple[type[AbstractProcess], ...] = (WN, QN, RW, DR, AR1, GM, MAT32, MAT52, FGN, BI, SIN)
 
 PROCESSES: dict[str, type[AbstractProcess]] = {cls.kind: cls for cls in _ALL}
 """By their name in a model text."""

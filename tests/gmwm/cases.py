@@ -24,6 +24,7 @@ from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 
 MP = mpmath.mp.clone()
@@ -55,6 +56,10 @@ class Case:
     """What the wavelet variance keeps."""
     short_memory: Callable[..., bool] = lambda *parameters: True
     """Has the correlation of this parameter set died out, to 1e-11, after 2^19 samples?"""
+
+    @property
+    def ergodic(self) -> bool:
+        return self.cls.ergodic
 
     @property
     def stationary(self) -> bool:
@@ -240,6 +245,18 @@ CASES = (
         psd=lambda B, f: _aliased(B**2 / (2 * MP.pi), 1, f),
         differences=1,
         short_memory=lambda B: False,
+    ),
+    Case(
+        SIN,
+        parameters=((0.3, 1.3), (1e-6, 2.0), (1.7e-3, 0.5), (1.1, 1.0), (2.9, 1.0)),
+        outside=((0.0, 1.0), (3.15, 1.0), (-0.1, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        closed_form=lambda beta, alpha2, tau: (
+            alpha2 * MP.sin(beta * tau / 4) ** 4 / (2 * MP.mpf(tau // 2) ** 2 * MP.sin(beta / 2) ** 2)
+        ),
+        autocovariance=lambda beta, alpha2, num: [alpha2 / 2 * MP.cos(beta * h) for h in range(num)],
+        psd=None,
+        gaussian=False,
+        rtol=1e-11,  # where a span holds almost whole periods
     ),
 )
 

@@ -31,6 +31,7 @@ from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
+from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 
 DYADIC = [2**j for j in range(1, 25)]
@@ -238,7 +239,7 @@ def short_memory(case):
     return [v for v in case.parameters if case.short_memory(*v)]
 
 
-@pytest.mark.parametrize("case", rows(stationary=True))
+@pytest.mark.parametrize("case", rows(stationary=True, ergodic=True))
 def test_psd_integrates_to_the_variance(case):
     f = midpoints(2**18)
     for values in short_memory(case):
@@ -310,6 +311,11 @@ def test_no_autocovariance_where_not_stationary(case):
 def test_drift_has_no_psd():
     with pytest.raises(ValueError, match="DR is deterministic"):
         DR(1.0).psd([0.1])
+
+
+def test_sinusoid_has_no_psd():
+    with pytest.raises(ValueError, match="SIN is a line in the spectrum"):
+        SIN(0.1, 1.0).psd([0.1])
 
 
 @pytest.mark.parametrize("case", rows())

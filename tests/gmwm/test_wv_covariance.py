@@ -16,6 +16,7 @@ from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.simulation import simulate
 from gmwm_jax.wavelet import haar_wavelet_variance
@@ -58,7 +59,7 @@ def dense(model, num_samples, num_levels):
     return result
 
 
-@pytest.mark.parametrize("case", rows())
+@pytest.mark.parametrize("case", rows(ergodic=True))
 def test_every_process_against_all_pairs_of_coefficients(case):
     """N = 300 is no power of two; J = 7."""
     for values in case.parameters:
@@ -169,7 +170,7 @@ def test_large_records_approach_the_chi_square_of_few_degrees():
     assert covariance[0, 0] / 0.25 * 1_000_000 == pytest.approx(3.0, rel=1e-5)
 
 
-@pytest.mark.parametrize("case", rows())
+@pytest.mark.parametrize("case", rows(ergodic=True))
 def test_gradient_forward_reverse_and_numerical(case):
     """Finite at every parameter set, equal both ways, and the difference quotient of the covariance."""
 
@@ -221,6 +222,8 @@ def test_gm_is_ar1():
 
 
 def test_refusals():
+    with pytest.raises(ValueError, match="no covariance of the wavelet variance of SIN"):
+        wv_covariance(WN(1.0) + SIN(0.1, 1.0), 300)
     with pytest.raises(ValueError, match="GM has no value for beta"):
         wv_covariance(WN(1.0) + GM(), 300)
     with pytest.raises(ValueError, match="at least 4 samples"):
