@@ -44,11 +44,17 @@ from gmwm_jax.processes._base import Composite as Composite
 from gmwm_jax.processes._parameter import Fixed as Fixed
 from gmwm_jax.processes._state_space import StateSpace as StateSpace
 from gmwm_jax.processes.drift import DR as DR
+from gmwm_jax.processes.flicker import BI as BI
+from gmwm_jax.processes.flicker import flicker_ladder as flicker_ladder
+from gmwm_jax.processes.fractional import FGN as FGN
 from gmwm_jax.processes.gauss_markov import AR1 as AR1
 from gmwm_jax.processes.gauss_markov import GM as GM
+from gmwm_jax.processes.matern import MAT32 as MAT32
+from gmwm_jax.processes.matern import MAT52 as MAT52
 from gmwm_jax.processes.quantisation import QN as QN
 from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
+from gmwm_jax.processes.sinusoid import SIN as SIN
 from gmwm_jax.processes.white_noise import WN as WN
 from gmwm_jax.recording import Recording as Recording
 from gmwm_jax.regression import Coefficient as Coefficient

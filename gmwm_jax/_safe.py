@@ -53,3 +53,31 @@ def exp_cubic(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """(1 - exp(-x) - x + x^2/2) / x^3; 1/6 at 0."""
     series = [(-1) ** (k + 1) / math.factorial(k) for k in range(3, 19)]
     return _series_or(x, series, lambda y: (-jnp.expm1(-y) - y + y * y / 2) / (y * y * y))
+
+
+def exp_tail(order: int, x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """1 - exp(-x) (1 + x + .. + x^(order-1)/(order-1)!) for x >= 0, order <= 5: incomplete gamma, regularised."""
+    # Taylor series of the integral of t^(order-1) exp(-t)/(order-1)! from 0 to x, divided by x^order
+    first = math.factorial(order - 1)
+    series = [(-1) ** k / (math.factorial(k) * (order + k) * first) for k in range(16)]
+
+    def direct(y: Float[Array, "..."]) -> Float[Array, "..."]:
+        head, term = jnp.ones_like(y), jnp.ones_like(y)
+        for k in range(1, order):
+            term = term * y / k
+            head = head + term
+        return (1 - jnp.exp(-y) * head) / y**order
+
+    return x**order * _series_or(x, series, direct)
+
+
+def four_sinh_squared(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """4 sinh(sqrt(x)/2)^2 = 2 (cosh(sqrt(x)) - 1), an entire function of x."""
+    series = [0.0] + [2 / math.factorial(2 * k) for k in range(1, 14)]
+    return _series_or(x, series, lambda y: 4 * jnp.sinh(jnp.sqrt(y) / 2) ** 2)
+
+
+def sinh_ratio(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """sinh(sqrt(x)) / sqrt(x), an entire function of x; 1 at 0."""
+    series = [1 / math.factorial(2 * k + 1) for k in range(14)]
+    return _series_or(x, series, lambda y: jnp.sinh(jnp.sqrt(y)) / jnp.sqrt(y))

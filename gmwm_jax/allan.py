@@ -17,12 +17,13 @@ from jaxtyping import Float
 
 from gmwm_jax._check import agreed_rate, sampling_rate
 from gmwm_jax._table import format_table, number
+from gmwm_jax.continuous import CONTINUOUS
 from gmwm_jax.estimates import Estimate, EstimateTable
 from gmwm_jax.inference import normal_quantile
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.recording import Recording
-from gmwm_jax.units import CONTINUOUS, from_continuous
+from gmwm_jax.units import from_continuous
 from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
 from gmwm_jax.wv_covariance import wv_covariance
 

@@ -77,6 +77,8 @@ def bootstrap(
     num_samples = require_theory(fit.wv, "of a bootstrap")
     if route == RECORDS and fit.wv.efficiency is not None:
         raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
+    if route == VARIANCES and fit.wv_covariance is None:
+        raise ValueError(f'There is no theory of the scatter of {fit.model}: take route="{RECORDS}".')
     if np.any(fit.fitted <= 0):
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from gmwm_jax import units as units_
 from gmwm_jax._check import sampling_rate
 from gmwm_jax._table import format_table, number
+from gmwm_jax.continuous import CONTINUOUS, Quantity
 from gmwm_jax.inference import evaluate
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
@@ -159,7 +160,7 @@ def continuous_table(
         p.require_complete()
     units_.require_si(unit)
     f = sampling_rate(rate)
-    forms = [units_.CONTINUOUS[p.kind] for p in model.processes]
+    forms = [CONTINUOUS[p.kind] for p in model.processes]
     # both tables at once: what was compiled for one serves the other
     logs = LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), f)
     values = np.exp(np.asarray(evaluate(logs, model)))
@@ -191,7 +192,7 @@ def continuous_table(
 class LogQuantities:
     """The logs of continuous-time quantities of all components, as a hashable function of the model."""
 
-    quantities: tuple[tuple[units_.Quantity, ...], ...]
+    quantities: tuple[tuple[Quantity, ...], ...]
     rate: float
 
     def __call__(self, model: Composite) -> Array:

@@ -15,11 +15,11 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._check import confidence
+from gmwm_jax.continuous import CONTINUOUS
 from gmwm_jax.estimates import Estimate, EstimateTable, LogQuantities
 from gmwm_jax.inference import delta_method, evaluate, parameter_covariance
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.result import Fit
-from gmwm_jax.units import CONTINUOUS
 
 KINDS = ("percentile", "basic", "studentised")
 _IN_A_TAIL = 5

@@ -38,11 +38,12 @@ from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recording import Recording
 from gmwm_jax.regressors import Design, checked_record, checked_time, design
-from gmwm_jax.result import TWO_STEP, Fit
+from gmwm_jax.result import Fit
 from gmwm_jax.units import require_si
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wavelet import degrees_of_freedom, interval_factors, scales
 from gmwm_jax.wavelet_host import gap_wavelet_variance, host_wavelet_variance
+from gmwm_jax.weights import TWO_STEP
 from gmwm_jax.whitening import GeneralisedLeastSquares, covariance_times, generalised_least_squares
 
 if TYPE_CHECKING:

@@ -115,11 +115,11 @@ class Fit:
         limits: dict[type[AbstractProcess], float] = {}
         for label, p in zip(self.model.labels, self.model.processes, strict=True):
             note = self.at_boundary.get(label, "")
-            form = p.state_space() if note.startswith(AT) and note != ZERO else None
+            form = p.state_space() if note in (f"{AT}random walk", f"{AT}white noise") else None
             if form is not None and note == f"{AT}random walk":
                 limits[RW] = limits.get(RW, 0.0) + float(form.driving[0, 0])
             elif form is not None:
-                limits[WN] = limits.get(WN, 0.0) + float(form.initial[0, 0])
+                limits[WN] = limits.get(WN, 0.0) + float(form.readout @ form.initial @ form.readout)
             elif note != ZERO:
                 kept.append(p)
         for cls, amplitude in limits.items():
@@ -147,9 +147,10 @@ class Fit:
     def wv_covariance(self) -> Float[np.ndarray, "J J"] | None:
         """Covariance of the wavelet variance under the fitted model; None where there is no theory for it.
 
-        It needs the length of the record, all scales 2 .. 2^J, and the MODWT.
+        It needs the length of the record, all scales 2 .. 2^J, the MODWT, and a model without SIN.
         """
-        if self.wv.num_samples is None or not self.wv.has_theory:
+        ergodic = all(p.ergodic for p in self.model.processes)
+        if self.wv.num_samples is None or not self.wv.has_theory or not ergodic:
             return None
         num_samples, J, efficiency = self.wv.num_samples, self.wv.num_scales, self.wv.efficiency
         return np.asarray(wv_covariance(self.model, num_samples, J, efficiency=efficiency))
@@ -247,7 +248,7 @@ class Fit:
             shares = ", ".join(f"{100 * e:.0f} %" for e in diagonal)
             lines += ["", f"Weights on the diagonal only would have an efficiency of {shares} in these parameters."]
         if self.wv_covariance is None:
-            lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, and the MODWT."]
+            lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, the MODWT, no SIN."]
         return "\n".join(lines)
 
     def __repr__(self) -> str:

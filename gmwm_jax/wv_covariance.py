@@ -149,7 +149,8 @@ def wv_covariance(
     Raises
     ------
     ValueError
-        A parameter without value; too short a record; an efficiency not on offer, or for a model with a drift.
+        A parameter without value; too short a record; a component that is not ergodic (SIN); an efficiency not on offer,
+        or for a model with a drift.
     """
     require_x64()
     model = as_model(model)
@@ -157,6 +158,8 @@ def wv_covariance(
     J = check_num_levels(num_samples, num_levels)
     for process in model.processes:
         process.require_complete()
+        if not process.ergodic:
+            raise ValueError(f"There is no covariance of the wavelet variance of {process.kind}: it is not ergodic.")
     polynomial = np.ones(1)
     if efficiency is not None:
         require_no_mean(model)

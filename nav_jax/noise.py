@@ -1,9 +1,10 @@
 """The bridge from the noise models of gmwm_jax to a filter and an emulation: the only file that sees gmwm_jax.
 
 An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model of its own. What a process is to a
-filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR two:
-value and slope), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not grow: a
-filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that is.
+filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR and
+MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not
+grow: a filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that
+is. Noise of long memory (BI, FGN) has no state either; `gmwm_jax.flicker_ladder` approximates BI by GM.
 """
 
 import json
@@ -127,9 +128,11 @@ class ImuErrors(eqx.Module):
                 forms.append((SensorState(channel, "bias"), StateSpace(one, zero, jnp.ones(1), start, zero[0, 0])))
         from_zero = self.start == "zero"
         initial = [f.initial if s.label == "bias" or not from_zero else 0 * f.initial for s, f in forms]
-        # DR has two states: the value and its slope
+        # the first state is the process; that of DR is followed by its slope, that of others by what drives it
         states = tuple(
-            s if i == 0 else SensorState(s.channel, f"{s.label} slope") for s, f in forms for i in range(len(f.readout))
+            s if i == 0 else SensorState(s.channel, f"{s.label} slope" if s.label == "DR" else f"{s.label} driver {i}")
+            for s, f in forms
+            for i in range(len(f.readout))
         )
         return SensorBank(
             transition=_block_diagonal([f.transition for _, f in forms]),
@@ -152,7 +155,11 @@ class ImuErrors(eqx.Module):
         notes = []
         for channel, model in zip(CHANNELS, self.models, strict=True):
             for process in model.processes:
-                if process.state_space() is None and (q2 := concrete(process.amplitude)) is not None:
+                if process.state_space() is not None:
+                    continue
+                if process.kind != "QN":
+                    notes.append(f"{process.kind} of {channel} has no state and is left out of the filter.")
+                elif (q2 := concrete(process.amplitude)) is not None:
                     unit = "m/s" if channel.startswith("accel") else "rad"
                     notes.append(
                         f"{process.kind} of {channel} has no state and is left out of the filter; its integral is "

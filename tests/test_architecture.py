@@ -15,11 +15,12 @@ ROOT = Path(__file__).resolve().parents[1]
 
 GMWM_JAX = """
     _typing _check _safe _table
-    units
-    processes/__init__ processes/_parameter processes/_haar processes/_recursion processes/_state_space
-    processes/_base
+    processes/__init__ processes/_parameter processes/_haar processes/_recursion processes/_circulant
+    processes/_state_space processes/_base
     processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
+    processes/matern processes/_power_law processes/fractional processes/flicker processes/sinusoid
     processes/registry
+    continuous units
     simulation datasheet
     wavelet wavelet_host robust
     _columns _files _known_files _sensors _text _timebase

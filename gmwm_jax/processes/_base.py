@@ -4,7 +4,7 @@ A process is *separable*: its covariance is an amplitude (a variance, a squared 
 depends on the remaining *shape* parameters only. The estimator solves for amplitudes exactly and searches over shapes.
 
 One more process is one file that derives from `AbstractProcess`, one entry in `gmwm_jax.processes.registry`, one row in
-`gmwm_jax.units.CONTINUOUS` and one row in the table of the tests.
+`gmwm_jax.continuous.CONTINUOUS` and one row in the table of the tests.
 """
 
 import abc
@@ -37,6 +37,8 @@ class AbstractProcess(eqx.Module):
     """In the order of the fields; the last one carries the amplitude."""
     repeatable: ClassVar[bool] = False
     """May a model hold several? Only where shapes tell them apart."""
+    ergodic: ClassVar[bool] = True
+    """Does one record tell the law of all? Else its wavelet variance has no covariance of the usual kind."""
     fixed: tuple[str, ...] = eqx.field(static=True)
     """Names of the parameters that estimation holds."""
 
@@ -252,7 +254,7 @@ class Composite(eqx.Module):
     Parameters
     ----------
     processes
-        At most one of each kind whose members could not be told apart (WN, QN, RW, DR), any number of GM or of AR1.
+        At most one of each kind whose members could not be told apart (WN, QN, RW, DR), any number of the others.
     """
 
     processes: tuple[AbstractProcess, ...]

@@ -47,14 +47,14 @@ _RANDOM_WALK_BETA_TAU = 1e-2
 _WHITE_NOISE_BETA = 6.0
 
 
-def _wavelet_variance_over_beta(beta: Any, tau: Any) -> Any:
+def wavelet_variance_over_beta(beta: Any, tau: Any) -> Any:
     """Wavelet variance for unit variance, divided by beta: finite at beta = 0."""
     n = tau / 2
     E = exp_ratio(beta)
     return (n * jnp.exp(-beta) * haar_exp(n * beta) + 2 * sinh_excess(beta) / n) / (2 * E * E)
 
 
-def _haar_covariance_over_beta(beta: Any, lag: Any, n_j: Any, n_k: Any) -> Any:
+def haar_covariance_over_beta(beta: Any, lag: Any, n_j: Any, n_k: Any) -> Any:
     """Cross-covariance of Haar coefficients for unit variance, divided by beta."""
     phi, E, excess = jnp.exp(-beta), exp_ratio(beta), sinh_excess(beta)
     ones = jnp.ones_like(lag)
@@ -102,7 +102,7 @@ class GM(AbstractProcess):
 
     @classmethod
     def unit_wavelet_variance(cls, shape, tau):  # noqa: D102
-        return shape[0] * _wavelet_variance_over_beta(shape[0], tau)
+        return shape[0] * wavelet_variance_over_beta(shape[0], tau)
 
     @classmethod
     def unit_psd(cls, shape, frequency):  # noqa: D102
@@ -116,7 +116,7 @@ class GM(AbstractProcess):
 
     @classmethod
     def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
-        return shape[0] * _haar_covariance_over_beta(shape[0], lag, n_j, n_k)
+        return shape[0] * haar_covariance_over_beta(shape[0], lag, n_j, n_k)
 
     @classmethod
     def shape_from_coordinate(cls, coordinate):  # noqa: D102
@@ -185,7 +185,7 @@ class AR1(AbstractProcess):
         (phi,) = shape
         slow, beta = _beta_where_slow(phi)
         # sigma2/variance = (1 - phi)(1 + phi) = beta E (1 + phi)
-        near_one = _wavelet_variance_over_beta(beta, tau) / (exp_ratio(beta) * (1 + jnp.exp(-beta)))
+        near_one = wavelet_variance_over_beta(beta, tau) / (exp_ratio(beta) * (1 + jnp.exp(-beta)))
         # the textbook form, free of cancellation here
         f, n = jnp.where(slow, 0.25, phi), tau / 2
         d, e = 1 - f, _one_minus_power(f, n)
@@ -211,7 +211,7 @@ class AR1(AbstractProcess):
     def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):  # noqa: D102
         (phi,) = shape
         slow, beta = _beta_where_slow(phi)
-        near_one = _haar_covariance_over_beta(beta, lag, n_j, n_k) / (exp_ratio(beta) * (1 + jnp.exp(-beta)))
+        near_one = haar_covariance_over_beta(beta, lag, n_j, n_k) / (exp_ratio(beta) * (1 + jnp.exp(-beta)))
         f = jnp.where(slow, 0.25, phi)
         d = 1 - f
         overlapping = second_differences(

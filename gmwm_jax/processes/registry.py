@@ -6,12 +6,18 @@ from typing import Any
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.flicker import BI
+from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
+from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 
-PROCESSES: dict[str, type[AbstractProcess]] = {cls.kind: cls for cls in (WN, QN, RW, DR, AR1, GM)}
+_ALL: tuple[type[AbstractProcess], ...] = (WN, QN, RW, DR, AR1, GM, MAT32, MAT52, FGN, BI, SIN)
+
+PROCESSES: dict[str, type[AbstractProcess]] = {cls.kind: cls for cls in _ALL}
 """By their name in a model text."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

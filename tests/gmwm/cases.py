@@ -18,9 +18,13 @@ import scipy.linalg
 
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.flicker import BI
+from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
+from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 
 MP = mpmath.mp.clone()
@@ -48,6 +52,14 @@ class Case:
     mean: Callable[..., Any] = lambda *parameters: MP.mpf(0)
     """Mean of the process after `differences`."""
     gaussian: bool = True
+    rtol: float = 1e-13
+    """What the wavelet variance keeps."""
+    short_memory: Callable[..., bool] = lambda *parameters: True
+    """Has the correlation of this parameter set died out, to 1e-11, after 2^19 samples?"""
+
+    @property
+    def ergodic(self) -> bool:
+        return self.cls.ergodic
 
     @property
     def stationary(self) -> bool:
@@ -76,6 +88,71 @@ def _ar1_psd(phi, sigma2, f):
 def _gm(law):
     """A law of GM(beta, variance) from that of AR1(phi, sigma2)."""
     return lambda beta, variance, x: law(MP.exp(-beta), -variance * MP.expm1(-2 * beta), x)
+
+
+def _lag_sum(phi, m, k):
+    """sum_{h=1}^{m-1} (m - h) h^k phi^h, by applying phi d/dphi k times to its closed form for k = 0.
+
+    Terms c phi^p/(1 - phi)^q, of which phi d/dphi makes c p phi^p/(1 - phi)^q + c q phi^(p+1)/(1 - phi)^(q+1).
+    """
+    terms = [(m, 1, 1), (-1, 1, 2), (1, m + 1, 2)]
+    for _ in range(k):
+        terms = [(c * p, p, q) for c, p, q in terms] + [(c * q, p + 1, q + 1) for c, p, q in terms]
+    return sum(c * phi**p / (1 - phi) ** q for c, p, q in terms)
+
+
+def _matern(*polynomial):
+    """Laws for the autocovariance sum_k c_k (beta h)^k exp(-beta h): three functions of (beta, variance, x)."""
+
+    def autocovariance(beta, variance, num):
+        gamma = []
+        for h in range(num):
+            x = beta * h
+            gamma.append(variance * MP.exp(-x) * sum(x**k * a / b for k, (a, b) in enumerate(polynomial)))
+        return gamma
+
+    def closed_form(beta, variance, tau):
+        with MP.workdps(250):  # it cancels as beta^5
+            phi, n = MP.exp(-beta), tau // 2
+
+            def variance_of_sum(m):
+                sums = (MP.mpf(a) / b * beta**k * _lag_sum(phi, m, k) for k, (a, b) in enumerate(polynomial))
+                return m + 2 * sum(sums)
+
+            return variance * (4 * variance_of_sum(n) - variance_of_sum(2 * n)) / (4 * MP.mpf(n) ** 2)
+
+    def psd(beta, variance, f):
+        with MP.workdps(250):
+            z = MP.exp(-beta) * MP.expjpi(-2 * f)
+            sums = (z / (1 - z), z / (1 - z) ** 2, z * (1 + z) / (1 - z) ** 3)  # of h^k z^h
+            one_sided = sum(
+                MP.mpf(a) / b * beta**k * s for k, ((a, b), s) in enumerate(zip(polynomial, sums, strict=False))
+            )
+            return variance * (1 + 2 * one_sided.real)
+
+    return {"closed_form": closed_form, "autocovariance": autocovariance, "psd": psd}
+
+
+def _fgn(H, sigma2, num):
+    """Mandelbrot & Van Ness (1968): the second difference of the variance |m|^(2H) of the integrated noise."""
+    power = [MP.mpf(m) ** (2 * H) if m else MP.mpf(0) for m in range(num + 1)]
+    return [sigma2 * (power[abs(h - 1)] - 2 * power[h] + power[h + 1]) / 2 for h in range(num)]
+
+
+def _aliased(h, alpha, f):
+    """sum_k h |f+k|^-alpha sinc(f+k)^2."""
+    s = alpha + 2
+    return h * (MP.sinpi(f) / MP.pi) ** 2 * (MP.zeta(s, f) + MP.zeta(s, 1 - f))
+
+
+def _fgn_psd(H, sigma2, f):
+    return _aliased(sigma2 * MP.sinpi(H) * MP.gamma(2 * H + 1) * (2 * MP.pi) ** (1 - 2 * H), 2 * H - 1, f)
+
+
+def _flicker_steps(B, num):
+    """Of x_t - x_{t-1}: the fourth difference of the generalised covariance B^2/(2 pi) m^2 log|m|."""
+    K = [B**2 / (2 * MP.pi) * m**2 * MP.log(m) if m else MP.mpf(0) for m in range(num + 2)]
+    return [K[h + 2] + K[abs(h - 2)] - 4 * (K[h + 1] + K[abs(h - 1)]) + 6 * K[h] for h in range(num)]
 
 
 _BETAS = (1e-12, 1e-9, 1e-6, 1e-4, 1.688923e-3, 1e-2, 0.1, 0.3, 0.7, 1.0, 2.0, 5.0, 20.0, 50.0)
@@ -128,6 +205,7 @@ CASES = (
         closed_form=_ar1_closed_form,
         autocovariance=_ar1,
         psd=_ar1_psd,
+        short_memory=lambda phi, sigma2: abs(phi) < 1 - 1e-4,
     ),
     Case(
         GM,
@@ -136,6 +214,49 @@ CASES = (
         closed_form=_gm(_ar1_closed_form),
         autocovariance=_gm(_ar1),
         psd=_gm(_ar1_psd),
+        short_memory=lambda beta, variance: beta >= 1e-4,
+    ),
+    *(
+        Case(
+            cls,
+            parameters=tuple((beta, 0.6) for beta in (0.3, 1e-12, 1e-6, 1.688923e-3, 5.0, 50.0)),
+            outside=((0.0, 1.0), (-0.1, 1.0), (np.inf, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+            **_matern(*polynomial),
+            rtol=1e-12,
+            short_memory=lambda beta, variance: beta >= 2e-4,
+        )
+        for cls, polynomial in ((MAT32, ((1, 1), (1, 1))), (MAT52, ((1, 1), (1, 1), (1, 3))))
+    ),
+    Case(
+        FGN,
+        parameters=tuple((H, 1.3) for H in (0.3, 0.001, 0.5, 0.5 + 1e-8, 0.75, 0.8999, 0.9001, 0.99, 0.999999)),
+        outside=((0.0, 1.0), (1.0, 1.0), (-0.1, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        closed_form=lambda H, sigma2, tau: sigma2 * MP.mpf(tau // 2) ** (2 * H - 2) * (1 - MP.mpf(4) ** (H - 1)),
+        autocovariance=_fgn,
+        psd=_fgn_psd,
+        short_memory=lambda H, sigma2: False,
+    ),
+    Case(
+        BI,
+        parameters=((1.0,), (3e-6,), (0.2,)),
+        outside=((-1.0,), (np.nan,), (np.inf,)),
+        closed_form=lambda B, tau: B**2 * MP.log(2) / MP.pi,
+        autocovariance=_flicker_steps,
+        psd=lambda B, f: _aliased(B**2 / (2 * MP.pi), 1, f),
+        differences=1,
+        short_memory=lambda B: False,
+    ),
+    Case(
+        SIN,
+        parameters=((0.3, 1.3), (1e-6, 2.0), (1.7e-3, 0.5), (1.1, 1.0), (2.9, 1.0)),
+        outside=((0.0, 1.0), (3.15, 1.0), (-0.1, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        closed_form=lambda beta, alpha2, tau: (
+            alpha2 * MP.sin(beta * tau / 4) ** 4 / (2 * MP.mpf(tau // 2) ** 2 * MP.sin(beta / 2) ** 2)
+        ),
+        autocovariance=lambda beta, alpha2, num: [alpha2 / 2 * MP.cos(beta * h) for h in range(num)],
+        psd=None,
+        gaussian=False,
+        rtol=1e-11,  # where a span holds almost whole periods
     ),
 )
 

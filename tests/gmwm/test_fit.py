@@ -218,6 +218,11 @@ def exact(model, levels=18):
         ("QN(q2=1e-3) + WN(sigma2=1e-4) + RW(gamma2=1e-10) + DR(omega=1e-9)", None),
         ("WN(sigma2=1) + AR1(phi=-0.6, sigma2=0.5) + AR1(phi=0.99, sigma2=0.01)", None),
         ("GM(beta=0.02, variance=1e-12)", None),
+        ("WN(sigma2=1) + MAT32(beta=0.01, variance=0.1) + RW(gamma2=1e-8)", None),
+        ("WN(sigma2=1) + MAT52(beta=0.02, variance=0.1)", None),
+        ("QN(q2=0.1) + WN(sigma2=1) + BI(B=0.05) + RW(gamma2=1e-8) + DR(omega=1e-6)", None),
+        ("WN(sigma2=1) + FGN(H=0.8, sigma2=0.2)", None),
+        ("WN(sigma2=1) + SIN(beta=0.01, alpha2=0.2)", None),
     ],
 )
 def test_parameters_are_recovered_from_their_own_theory(truth, model):

@@ -6,6 +6,8 @@ import pytest
 from gmwm.cases import rows, sample_covariance, sample_mean
 
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.flicker import BI
+from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.quantisation import QN
 
 
@@ -23,7 +25,10 @@ def second_moments(form, num):
     return moments
 
 
-@pytest.mark.parametrize("case", [row for row in rows() if row.values[0].cls is not QN])
+STATELESS = (QN, FGN, BI)
+
+
+@pytest.mark.parametrize("case", [row for row in rows() if row.values[0].cls not in STATELESS])
 def test_second_moments_are_those_of_the_process(case):
     num = 12
     for values in case.parameters:
@@ -33,8 +38,9 @@ def test_second_moments_are_those_of_the_process(case):
         np.testing.assert_allclose(second_moments(form, num), expected, rtol=1e-12, atol=1e-14 * expected.max())
 
 
-def test_quantisation_noise_has_no_state():
-    assert QN(1.0).state_space() is None
+@pytest.mark.parametrize("case", [row for row in rows() if row.values[0].cls in STATELESS])
+def test_what_has_no_state(case):
+    assert case.cls(*case.parameters[0]).state_space() is None
 
 
 def test_the_form_differentiates():

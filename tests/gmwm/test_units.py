@@ -8,16 +8,15 @@ from gmwm.cases import rows
 from helpers import assert_mean
 
 from gmwm_jax._check import sampling_rate
+from gmwm_jax.continuous import CONTINUOUS, derived_unit
 from gmwm_jax.estimates import continuous_table
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import (
-    CONTINUOUS,
     UNITS,
     convert,
-    derived_unit,
     from_continuous,
     signal_unit,
     to_continuous,
@@ -395,7 +394,7 @@ def test_a_gauss_markov_process_is_white_noise_of_density_n_0_at_long_spans(beta
 def test_quantities_read_the_parameters_they_say(kind):
     """`reads` against autodiff: it decides which quantities a held parameter holds."""
     form = CONTINUOUS[kind]
-    parameters = tuple(jnp.asarray(v) for v in {"AR1": (0.7, 0.3), "GM": (0.2, 0.3)}.get(kind, (0.3,)))
+    parameters = tuple(jnp.asarray(v) for v in (0.2, 0.3)[-len(form.filter) :])
     for q in (*form.filter, *form.datasheet):
         slopes = jax.grad(lambda p, q=q: q.value(*p, 10.0))(parameters)
         assert tuple(i for i, s in enumerate(slopes) if s != 0) == q.reads, q.symbol

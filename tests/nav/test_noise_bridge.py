@@ -126,6 +126,16 @@ def test_an_oscillating_process_has_no_other_rate(phi):
         nj.ImuErrors(WHITE + gj.AR1(phi, 1e-8), WHITE, 100.0).at_rate(50.0)
 
 
+def test_states_of_processes_that_have_several():
+    """In the order of their models, the process itself first; noise without a state is named."""
+    errors = nj.ImuErrors([gj.MAT52(0.1, 2.0), gj.MAT32(0.1, 2.0), gj.BI(1e-4)], WHITE, 100.0)
+    names = ["accel x MAT52", "accel x MAT52 driver 1", "accel x MAT52 driver 2", "accel y MAT32"]
+    b = errors.bank()
+    assert [str(s) for s in b.states] == [*names, "accel y MAT32 driver 1"]
+    np.testing.assert_allclose(np.diag(b.initial)[[0, 3]], 2.0, rtol=1e-14)
+    assert errors.notes() == ("BI of accel z has no state and is left out of the filter.",)
+
+
 def test_what_is_left_out_is_said():
     errors = nj.ImuErrors([WHITE + gj.QN(2e-6), WHITE, WHITE], WHITE, 100.0)
     (note,) = errors.notes()
