@@ -34,6 +34,8 @@ from gmwm_jax.estimates import EstimateTable as EstimateTable
 from gmwm_jax.estimates import continuous_table as continuous_table
 from gmwm_jax.fitting import fit as fit
 from gmwm_jax.fitting import objective as objective
+from gmwm_jax.goodness import GoodnessOfFit as GoodnessOfFit
+from gmwm_jax.goodness import goodness_of_fit as goodness_of_fit
 from gmwm_jax.io import read_recording as read_recording
 from gmwm_jax.io import save_recording as save_recording
 from gmwm_jax.outliers import OutlierRun as OutlierRun

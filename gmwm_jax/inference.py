@@ -11,7 +11,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
 from gmwm_jax.processes._base import Composite
@@ -44,7 +44,29 @@ def parameter_covariance(
     V
         Covariance of the wavelet variance.
     """
-    A = whitener @ _jacobian(lambda m: m.wavelet_variance(tau), model, active)
+    B, lost = _estimator(_wv_jacobian(model, active, tau), whitener)
+    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
+
+
+@partial(jax.jit, static_argnames="active")
+def estimator_derivatives(
+    model: Composite, active: tuple[int, ...], tau: Float[Array, " J"], whitener: Float[Array, "J J"]
+) -> tuple[Float[Array, "J P"], Float[Array, "P J"]]:
+    """A = d nu/d eta and B = d eta_hat/d nu_hat; arguments as of `parameter_covariance`.
+
+    Directions that data do not see are left out of B.
+    """
+    A = _wv_jacobian(model, active, tau)
+    return A, _estimator(A, whitener)[0]
+
+
+def _wv_jacobian(model: Composite, active: tuple[int, ...], tau: Float[Array, " J"]) -> Float[Array, "J P"]:
+    return _jacobian(lambda m: m.wavelet_variance(tau), model, active)
+
+
+def _estimator(A: Float[Array, "J P"], whitener: Float[Array, "J J"]) -> tuple[Float[Array, "P J"], Bool[Array, " P"]]:
+    """B, and which parameters move along a direction that data do not see."""
+    A = whitener @ A
     # columns of unit length, so that what is small is a direction that the data do not see, not a unit
     length = jnp.linalg.norm(A, axis=0)
     length = jnp.where(length > 0, length, 1.0)
@@ -52,8 +74,7 @@ def parameter_covariance(
     seen = s > _RANK_TOLERANCE * s[0]
     B = ((Wt.T * jnp.where(seen, 1 / jnp.where(seen, s, 1.0), 0.0)[None, :]) @ U.T / length[:, None]) @ whitener
     # a parameter that moves along an unseen direction has no variance; the others have theirs
-    lost = jnp.sum(jnp.where(seen[:, None], 0.0, Wt * Wt), axis=0) > _RANK_TOLERANCE
-    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
+    return B, jnp.sum(jnp.where(seen[:, None], 0.0, Wt * Wt), axis=0) > _RANK_TOLERANCE
 
 
 @partial(jax.jit, static_argnames=("quantity", "active"))

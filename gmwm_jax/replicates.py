@@ -1,6 +1,7 @@
 """What a bootstrap gives: replicates of a fit, their scatter, intervals, and a test of fit."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -8,6 +9,9 @@ from jaxtyping import Bool, Float
 from gmwm_jax.estimates import Estimate, EstimateTable
 from gmwm_jax.intervals import continuous_intervals, interval, replicates_needed
 from gmwm_jax.result import Fit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RECORDS, VARIANCES = "records", "variances"
 
@@ -129,3 +133,9 @@ class Bootstrap:
         if len(self.good) >= replicates_needed(self.fit.level):
             lines += ["", str(self.parameters())]
         return "\n".join(lines)
+
+    def plot(self) -> "Figure":
+        """Replicates of each parameter with estimate and intervals, see `gmwm_jax.plot_bootstrap`."""
+        from gmwm_jax.plot_bootstrap import plot_bootstrap
+
+        return plot_bootstrap(self)

@@ -149,8 +149,8 @@ def wv_covariance(
     Raises
     ------
     ValueError
-        A parameter without value; too short a record; a component that is not ergodic (SIN); an efficiency not on offer,
-        or for a model with a drift.
+        A parameter without value; too short a record; a component that is not ergodic (SIN); an efficiency not on
+        offer, or for a model with a drift.
     """
     require_x64()
     model = as_model(model)

@@ -29,9 +29,9 @@ GMWM_JAX = """
     _nnls start estimate problem
     wv_covariance inference estimates weights
     outliers
-    result allan fitting refit intervals replicates _progress bootstrapping
+    result goodness allan fitting refit intervals replicates _progress bootstrapping
     whitening regressors regression
-    plot demo cli __main__
+    plot plot_bootstrap demo cli __main__
     __init__
 """
 NAV_JAX = """
@@ -54,8 +54,8 @@ NAV_JAX = """
 ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
 """From low to high, files of each package. A file that does not exist (yet) is no error."""
 
-LEAVES = ("plot", "plot_runs", "config_sections", "config", "report", "demo", "cli", "__main__")
-"""Imported by nobody but other leaves; `plot` and `plot_runs` also inside methods."""
+LEAVES = ("plot", "plot_bootstrap", "plot_runs", "config_sections", "config", "report", "demo", "cli", "__main__")
+"""Imported by nobody but other leaves; `plot...` also inside methods."""
 
 HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic")
 """Imported by leaves, or inside a function at the moment of use."""

@@ -158,6 +158,15 @@ def test_a_component_at_zero_has_an_upper_end(wv):
     assert 0 < e.ci_high < 1e-4
 
 
+def test_figure(boot):
+    figure = boot.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == [
+        "WN sigma2 [(1)^2]", "GM beta [1/sample]", "GM variance [(1)^2]"
+    ]  # fmt: skip
+    labels = {text.get_text() for text in figure.axes[1].get_legend().get_texts()}
+    assert labels == {"replicates", "estimate", "95 % percentile", "95 % theory"}
+
+
 def test_replicates_depend_on_their_key_alone(fit, boot):
     few = gj.bootstrap(fit, 70, key=jax.random.key(6))
     np.testing.assert_allclose(few.variances, boot.variances[:70], rtol=1e-12)
