@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.signal
-from gmwm.cases import exact, haar_filter, row_of, rows, sample_covariance, sample_mean
+from gmwm.cases import derivative_rows, exact, haar_filter, row_of, rows, sample_covariance, sample_mean
 from helpers import CountTraces, assert_covariance
 
 from gmwm_jax.processes._base import Composite
@@ -170,7 +170,7 @@ def test_large_records_approach_the_chi_square_of_few_degrees():
     assert covariance[0, 0] / 0.25 * 1_000_000 == pytest.approx(3.0, rel=1e-5)
 
 
-@pytest.mark.parametrize("case", rows(ergodic=True))
+@pytest.mark.parametrize("case", derivative_rows(ergodic=True))
 def test_gradient_forward_reverse_and_numerical(case):
     """Finite at every parameter set, equal both ways, and the difference quotient of the covariance."""
 
