@@ -74,7 +74,7 @@ def bootstrap(
     num_replicates = integer("num_replicates", num_replicates, 1)
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
-    num_samples = require_theory(fit.wv, "of a bootstrap")
+    num_samples = require_theory(fit.wv, "Replicates")
     if route == RECORDS and fit.wv.efficiency is not None:
         raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
     if route == VARIANCES and fit.wv_covariance is None:

@@ -120,16 +120,17 @@ def fit(
         names = ", ".join(f'"{name}"' for name in STEPPED)
         raise ValueError(f"omega must be None, {names} or an array, and is {omega!r}.")
     weights = DEFAULT if omega is None else omega if isinstance(omega, str) else GIVEN
+    if weights in STEPPED[1:]:
+        require_theory(wv, f'Weights "{weights}"')
     search = partial(_fit_channels, channels, model, rate=rate, key=key, level=level, weights=weights)
     if weights == GIVEN:
         fits = search([given_weights(omega, channel) for channel in channels])
     else:
         fits = search([default_weights(channel) for channel in channels])
     if weights in STEPPED:
-        fits = search([_next_weights(f, two_step_weights) for f in fits])
+        fits = search([_two_step(f) for f in fits])
     if weights in STEPPED[1:]:
-        require_theory(wv, weights)
-        fits = search([_next_weights(f, covariance_weights) for f in fits])
+        fits = search([_inverse_covariance(f) for f in fits])
     if weights == ITERATED:
         fits = _iterate(search, fits)
     if throw:
@@ -221,20 +222,32 @@ def objective(wv: WaveletVariance | Recording, model: str | AbstractProcess | Co
     return float(residual @ (default_weights(wv) if omega is None else given_weights(omega, wv)) @ residual)
 
 
-def _next_weights(fit: Fit, weights: Callable[..., np.ndarray]) -> Float[np.ndarray, "J J"]:
-    """Weights under a fit; those it had if there is none."""
-    return fit.omega if fit.status is Status.non_finite else weights(fit.model, fit.wv)
+def _two_step(fit: Fit) -> Float[np.ndarray, "J J"]:
+    """Two-step weights under a fit; those it had if there is none."""
+    return fit.omega if fit.status is Status.non_finite else two_step_weights(fit.model, fit.wv)
+
+
+def _inverse_covariance(fit: Fit) -> Float[np.ndarray, "J J"]:
+    """Weights from the covariance under a fit; those it had if there is none."""
+    if fit.status is Status.non_finite:
+        return fit.omega
+    if fit.wv_covariance is None:
+        raise ValueError(f"There is no theory of the scatter of {fit.model}: take other weights.")
+    return covariance_weights(fit.model, fit.wv_covariance)
 
 
 def _iterate(search: Callable[..., list[Fit]], fits: list[Fit]) -> list[Fit]:
     """Repeat the fit of all channels with the weights under the last one, until none changes."""
     for _ in range(_MAX_ITERATIONS):
         before = fits
-        fits = search([_next_weights(f, covariance_weights) for f in fits])
+        fits = search([_inverse_covariance(f) for f in fits])
         change = [np.max(np.abs(f.fitted / b.fitted - 1)) for f, b in zip(fits, before, strict=True)]
         if np.max(change) < _SETTLED:
             return fits
-    return [f if c < _SETTLED else replace(f, status=Status.unsettled) for f, c in zip(fits, change, strict=True)]
+    return [
+        replace(f, status=Status.unsettled) if f.status is Status.converged and not c < _SETTLED else f
+        for f, c in zip(fits, change, strict=True)
+    ]
 
 
 def _minimise_channels(

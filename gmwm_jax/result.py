@@ -178,7 +178,7 @@ class Fit:
         V = self.wv_covariance
         if V is None or not self.active:
             return None
-        best, used = covariance_weights(self.model, self.wv), self.omega if omega is None else omega
+        best, used = covariance_weights(self.model, V), self.omega if omega is None else omega
         variances = [
             np.diag(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(o).T, V))
             for o in (best, used)

@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.variance import WaveletVariance
-from gmwm_jax.wv_covariance import wv_covariance
 
 DEFAULT = "default"
 TWO_STEP = "two-step"
@@ -64,27 +63,24 @@ def two_step_weights(model: Composite, wv: WaveletVariance) -> Float[np.ndarray,
     return np.diag((wv.variance / (fitted * (wv.ci_high - wv.ci_low))) ** 2)
 
 
-def require_theory(wv: WaveletVariance, weights: str) -> int:
-    """Return N, or raise a ValueError: the covariance of this wavelet variance is not known."""
+def require_theory(wv: WaveletVariance, what: str) -> int:
+    """Return N, or raise a ValueError: `what` needs the covariance of this wavelet variance, which is not known."""
     if wv.num_samples is None or not wv.has_theory:
         raise ValueError(
-            f'Weights "{weights}" need the covariance of the wavelet variance: the number of samples, all scales '
-            "2 .. 2^J, and the MODWT."
+            f"{what} need the covariance of the wavelet variance: the number of samples, all scales 2 .. 2^J, and the "
+            "MODWT."
         )
     return wv.num_samples
 
 
-def covariance_weights(model: Composite, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
-    """Inverse covariance of the wavelet variance under a model.
+def covariance_weights(model: Composite, V: Float[np.ndarray, "J J"]) -> Float[np.ndarray, "J J"]:
+    """Inverse of the covariance V of the wavelet variance under a model.
 
     Raises
     ------
     ValueError
-        No theory of this wavelet variance; a covariance that is singular to rounding, as that of a model with no noise
-        but a drift, or without any variance at some scale.
+        V is singular to rounding, as that of a model with no noise but a drift, or without any variance at some scale.
     """
-    num_samples = require_theory(wv, COVARIANCE)
-    V = np.asarray(wv_covariance(model, num_samples, wv.num_scales, efficiency=wv.efficiency))
     sd = np.sqrt(np.diag(V))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = V / np.outer(sd, sd)

@@ -159,7 +159,7 @@ def derivative_error(case, values, taus, seen, index, order):
     return worst
 
 
-@pytest.mark.parametrize("case", derivative_rows())
+@pytest.mark.parametrize("case", rows())
 def test_gradient_forward_reverse_and_numerical(case):
     taus = [2**j for j in (1, 2, 3, 5, 8, 12, 18, 24)]
     forward, reverse, _ = derivatives(case.cls)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.signal
-from gmwm.cases import derivative_rows, rows, sample_covariance, sample_mean
+from gmwm.cases import rows, sample_covariance, sample_mean
 from helpers import CountTraces, assert_covariance, assert_mean
 
 from gmwm_jax.processes._base import Composite
@@ -176,7 +176,7 @@ def test_a_key_draws_one_record(case, key):
     np.testing.assert_array_equal(simulate(model, 40, key=key), simulate(model, 40, key=key))
 
 
-@pytest.mark.parametrize("case", derivative_rows())
+@pytest.mark.parametrize("case", rows())
 def test_differentiable_in_parameters(case, key):
     """Forward = reverse = central difference of one record, at a fixed key."""
     values = np.array({"AR1": (0.7, 1.7), "GM": (0.3, 0.6)}.get(case.cls.kind, case.parameters[0]))
@@ -185,7 +185,8 @@ def test_differentiable_in_parameters(case, key):
         return simulate(Composite((case.cls(*v),)), 40, key=key)
 
     forward, reverse = (jax.jit(d(record))(jnp.asarray(values)) for d in (jax.jacfwd, jax.jacrev))
-    np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-11)
+    # the root of MAT52's 3 x 3 driving noise has a condition of 1e4
+    np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-11 if case.cls.kind == "MAT52" else 1e-12)
     for i in range(len(values)):
         h = np.zeros(len(values))
         h[i] = 1e-6 * values[i]

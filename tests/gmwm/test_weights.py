@@ -40,7 +40,7 @@ def test_a_linear_model_is_generalised_least_squares(records):
 
 def test_iterated_weights_are_those_of_their_own_fit(records):
     fit = gj.fit(records[2], "WN + GM", omega="iterated")
-    np.testing.assert_allclose(fit.omega, covariance_weights(fit.model, fit.wv), rtol=1e-4)
+    np.testing.assert_allclose(fit.omega, covariance_weights(fit.model, fit.wv_covariance), rtol=1e-4)
     assert fit.status is Status.converged
 
 
