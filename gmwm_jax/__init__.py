@@ -28,6 +28,9 @@ from gmwm_jax.allan import allan_deviation as allan_deviation
 from gmwm_jax.allan import read_off as read_off
 from gmwm_jax.allan import slope_regression as slope_regression
 from gmwm_jax.bootstrapping import bootstrap as bootstrap
+from gmwm_jax.candidates import Candidate as Candidate
+from gmwm_jax.candidates import Selection as Selection
+from gmwm_jax.candidates import Selections as Selections
 from gmwm_jax.datasheet import from_datasheet as from_datasheet
 from gmwm_jax.estimates import Estimate as Estimate
 from gmwm_jax.estimates import EstimateTable as EstimateTable
@@ -72,6 +75,7 @@ from gmwm_jax.replicates import Bootstrap as Bootstrap
 from gmwm_jax.result import Fit as Fit
 from gmwm_jax.result import Fits as Fits
 from gmwm_jax.result import Status as Status
+from gmwm_jax.selection import select as select
 from gmwm_jax.simulation import simulate as simulate
 from gmwm_jax.variance import WaveletVariance as WaveletVariance
 from gmwm_jax.variance import wavelet_variance as wavelet_variance

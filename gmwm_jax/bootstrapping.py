@@ -82,7 +82,7 @@ def bootstrap(
     if np.any(fit.fitted <= 0):
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))
-    draw = _variances(fit) if route == VARIANCES else _records(fit, num_samples)
+    draw = draw_variances(fit) if route == VARIANCES else _records(fit, num_samples)
     done: list[tuple[np.ndarray, Refits]] = []
     bar = progress_bar(num_replicates, "replicate", progress)
     try:
@@ -100,8 +100,8 @@ def bootstrap(
     return Bootstrap(fit, route, nu, *refits, num_requested=num_replicates)
 
 
-def _variances(fit: Fit) -> Callable[[Any], np.ndarray]:
-    """A function of keys that draws wavelet variances from their theoretical distribution."""
+def draw_variances(fit: Fit) -> Callable[[Any], np.ndarray]:
+    """A function of keys that draws wavelet variances of a fitted model from their theoretical distribution."""
     V, nu = np.asarray(fit.wv_covariance), fit.fitted
     sd = np.sqrt(np.diag(V))
     # a symmetric root serves also where V is singular to rounding

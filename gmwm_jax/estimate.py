@@ -61,6 +61,8 @@ class Data(NamedTuple):
     """Given shapes of the components whose shape is not free, in order."""
     amplitudes: Float[Array, " P"]
     """Amplitudes of all components; read where they are not free."""
+    wanted: Bool[Array, " P"] | None = None
+    """Components that may have a variance, among those whose amplitude is free; None for all."""
 
 
 class Solution(NamedTuple):
@@ -145,6 +147,8 @@ def _project(layout: Layout, design: Float[Array, "J P"], data: Data) -> _Projec
         return _Projection(y, data.amplitudes, design[:, :0], empty, jnp.zeros(0, dtype=bool))
     columns = design[:, free]
     length = jnp.sqrt(jnp.sum(columns * columns, axis=0))
+    if data.wanted is not None:  # a column of zeros gets no amplitude
+        columns = jnp.where(data.wanted[jnp.asarray(free)], columns, 0.0)
     B = columns / length[None, :]
     G, b = B.T @ B, B.T @ y
     x, passive = solve_nonnegative(G, b, jnp.sqrt(jnp.sum(y * y)))

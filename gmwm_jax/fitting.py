@@ -159,7 +159,7 @@ def _fit_channels(
 
     tau_max = float(channels[0].scales[-1])
     problem = pose(model, tau_max)
-    placements, nodes = _placements(problem.searched, tau_max, key)
+    placements, nodes = starting_points(problem.searched, tau_max, key)
     num_descents = NUM_ROUNDS * NUM_DESCENTS if problem.searched else 1
     minimise_channels = _compiled_quickly if len(channels) <= _FEW_CHANNELS else _compiled_well
     solutions = minimise_channels(
@@ -174,26 +174,49 @@ def _fit_channels(
         problem.held,
     )
     solutions = jax.tree.map(np.asarray, solutions)
-    fits = []
-    for c, channel in enumerate(channels):
-        solution = Solution(*(leaf[c] for leaf in solutions))
-        fitted, at_boundary = _assemble(problem, solution, tau_max)
-        objective = float(solution.objective) * float(unit[c]) * float(unit[c])
-        fits.append(
-            Fit(
-                model=fitted,
-                wv=channel,
-                objective=objective,
-                omega=omegas[c],
-                weights=weights,
-                status=_status(solution) if np.isfinite(objective) else Status.non_finite,
-                at_boundary=at_boundary,
-                agreement=float(solution.num_agreeing) / num_descents,
-                rate=rate,
-                level=level,
-            )
+    return [
+        as_fit(
+            problem,
+            Solution(*(leaf[c] for leaf in solutions)),
+            channel,
+            omegas[c],
+            unit=float(unit[c]),
+            num_descents=num_descents,
+            weights=weights,
+            rate=rate,
+            level=level,
         )
-    return fits
+        for c, channel in enumerate(channels)
+    ]
+
+
+def as_fit(
+    problem: Problem,
+    solution: Solution,
+    channel: WaveletVariance,
+    omega: Float[np.ndarray, "J J"],
+    *,
+    unit: float,
+    num_descents: int,
+    weights: str,
+    rate: float | None,
+    level: float,
+) -> Fit:
+    """The fit that a solution of a problem is; `unit` is what L' nu_hat was divided by for the search."""
+    fitted, at_boundary = _assemble(problem, solution, float(channel.scales[-1]))
+    objective = float(solution.objective) * unit * unit
+    return Fit(
+        model=fitted,
+        wv=channel,
+        objective=objective,
+        omega=omega,
+        weights=weights,
+        status=_status(solution) if np.isfinite(objective) else Status.non_finite,
+        at_boundary=at_boundary,
+        agreement=float(solution.num_agreeing) / num_descents,
+        rate=rate,
+        level=level,
+    )
 
 
 def objective(wv: WaveletVariance | Recording, model: str | AbstractProcess | Composite, *, omega: Any = None) -> float:
@@ -276,7 +299,7 @@ _compiled_quickly = jax.jit(
 _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
 
 
-def _placements(
+def starting_points(
     searched: tuple[AbstractProcess, ...], tau_max: float, key: PRNGKey | None
 ) -> tuple[Float[np.ndarray, "S K"], Float[np.ndarray, "S K"]]:
     """The lattice, and once more with the starting values that the model gives."""

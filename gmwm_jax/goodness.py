@@ -80,15 +80,29 @@ def goodness_of_fit(fit: Fit) -> GoodnessOfFit:
         whitener = jnp.asarray(np.linalg.cholesky(fit.omega).T)
         A, B = estimator_derivatives(fit.model, fit.active, jnp.asarray(fit.wv.scales), whitener)
         M = M - np.asarray(A) @ np.asarray(B)
+    statistic, dof, p_value, pulls = chi_square(fit.residuals, M, V)
+    return GoodnessOfFit(fit, statistic, dof, p_value, pulls)
+
+
+def chi_square(
+    residuals: Float[np.ndarray, " J"], M: Float[np.ndarray, "J J"], V: Float[np.ndarray, "J J"]
+) -> tuple[float, int, float, Float[np.ndarray, " J"]]:
+    """Test whether residuals r = M e are those of errors e of the covariance V.
+
+    Returns
+    -------
+    statistic, dof, p_value, pulls
+        As of `GoodnessOfFit`.
+    """
     sd = np.sqrt(np.diag(V))
     # as a correlation, so that scales of all sizes count
     scaled = M * sd[None, :] / sd[:, None]
     covariance = scaled @ (V / np.outer(sd, sd)) @ scaled.T
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
     seen = values > _RANK * values[-1]
-    projected = vectors.T @ (fit.residuals / sd)
+    projected = vectors.T @ (residuals / sd)
     statistic, dof = float(np.sum(projected[seen] ** 2 / values[seen])), int(seen.sum())
     own = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        pulls = np.where(own > np.sqrt(_RANK), fit.residuals / sd / own, np.nan)
-    return GoodnessOfFit(fit, statistic, dof, float(chdtrc(dof, statistic)) if dof else np.nan, pulls)
+        pulls = np.where(own > np.sqrt(_RANK), residuals / sd / own, np.nan)
+    return statistic, dof, float(chdtrc(dof, statistic)) if dof else np.nan, pulls

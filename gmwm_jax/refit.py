@@ -47,7 +47,8 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = 64) -
         Replicates estimated at once. It changes speed and memory, not the numbers.
     """
     problem = pose(fit.model, float(fit.wv.scales[-1]))
-    starts = _starts(problem)
+    at = np.array([float(p.coordinate_from_shape(p.shape)) for p in problem.searched])
+    starts = starts_around(at, problem.bounds)
     width = (fit.wv.ci_high - fit.wv.ci_low) / fit.wv.variance
     root = np.linalg.cholesky(fit.omega).T
     parts = []
@@ -60,7 +61,7 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = 64) -
         else:
             found = _solve(problem, starts, filled, np.broadcast_to(root, (chunk_size, *root.shape)), fit.wv.scales)
         if fit.weights == TWO_STEP:
-            fitted = np.asarray(_fitted(problem.layout, problem.shapes, found.solution, fit.wv.scales))
+            fitted = np.asarray(fitted_variances(problem.layout, problem.shapes, found.solution, fit.wv.scales))
             # without any variance at a scale there is no second step
             fitted = np.where(np.all(fitted > 0, axis=1, keepdims=True), fitted, filled)
             found = _solve(problem, starts, filled, _diagonals(1 / (width * fitted)), fit.wv.scales)
@@ -79,11 +80,10 @@ def _diagonals(d: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J J"]:
     return d[:, :, None] * np.eye(d.shape[1])
 
 
-def _starts(problem: Problem) -> Float[np.ndarray, "S K"]:
-    """The fitted coordinates, and those with one of them moved."""
-    at = np.array([float(p.coordinate_from_shape(p.shape)) for p in problem.searched])
+def starts_around(at: Float[np.ndarray, " K"], bounds: Float[np.ndarray, "K 2"]) -> Float[np.ndarray, "S K"]:
+    """Coordinates, and those with one of them moved."""
     moves = _MOVED * np.eye(len(at))
-    return np.clip(np.concatenate([at[None], at + moves, at - moves]), *problem.bounds.T)
+    return np.clip(np.concatenate([at[None], at + moves, at - moves]), *bounds.T)
 
 
 def _solve(
@@ -121,7 +121,7 @@ def _minimise_all(
 
 
 @partial(jax.jit, static_argnums=0)
-def _fitted(layout: Layout, shapes: Any, solution: Solution, tau: Any) -> Float[Array, "B J"]:
+def fitted_variances(layout: Layout, shapes: Any, solution: Solution, tau: Any) -> Float[Array, "B J"]:
     """Wavelet variances of solutions."""
     total = jnp.zeros((solution.amplitudes.shape[0], tau.shape[0]))
     for i, kind in enumerate(layout.kinds):

@@ -1,0 +1,54 @@
+"""Figure of a model selection: how far each candidate is from the best, and how sure that is."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from gmwm_jax.candidates import Selection
+from gmwm_jax.inference import normal_quantile
+
+_SHOWN = 20
+_RECOMMENDED, _EQUIVALENT, _WORSE = "#c23b22", "#2a7f8e", "0.6"
+
+
+def plot_selection(selection: Selection) -> Figure:
+    """Differences of the criterion to the best candidate, with intervals; the lowest at the top.
+
+    Parameters
+    ----------
+    selection
+        The twenty lowest candidates are drawn.
+    """
+    shown = [c for c in selection.candidates if c.sound][:_SHOWN]
+    equivalent = {c.name for c in selection.equivalent}
+    z = normal_quantile(selection.level)
+    figure, ax = plt.subplots(figsize=(7.5, 1.4 + 0.28 * len(shown)), layout="constrained")
+    drawn = set()
+    for row, c in enumerate(shown):
+        if c is selection.recommended:
+            color, label = _RECOMMENDED, "recommended: the simplest of these"
+        elif c.name in equivalent:
+            color, label = _EQUIVALENT, "none is significantly better"
+        else:
+            color, label = _WORSE, "worse"
+        ax.errorbar(
+            c.difference,
+            row,
+            xerr=z * c.standard_error,
+            fmt="o",
+            color=color,
+            capsize=3,
+            label=None if label in drawn else label,
+        )
+        drawn.add(label)
+    ax.axvline(0, color="0.3", lw=0.8)
+    ax.set_yticks(range(len(shown)), [f"{c.name}  ({c.num_parameters})" for c in shown])
+    ax.invert_yaxis()
+    positive = [c.standard_error for c in shown if c.standard_error > 0]
+    if shown[-1].difference > 0 and positive:
+        ax.set_xscale("symlog", linthresh=float(np.median(positive)))
+    ax.set_xlabel(f"WVIC, difference to the lowest, with {100 * selection.level:g} % intervals")
+    ax.set_ylabel("model (number of parameters)")
+    ax.set_title(f"{selection.superset.wv.channels[0]}: {len(selection)} models", fontsize=10)
+    ax.legend(fontsize=8, loc="lower right")
+    return figure
