@@ -144,7 +144,7 @@ def _select(
     contained = _contained(fits, names)
     criteria = np.array([f.objective for f in fits]) + lacks
     sound = np.array([f.status is Status.converged and not c for f, c in zip(fits, contained, strict=True)])
-    order = np.lexsort((criteria, ~sound))
+    order = [int(m) for m in np.lexsort((criteria, ~sound))]
 
     def error(a: int, b: int) -> float:
         nested = set(subsets[a]) <= set(subsets[b]) or set(subsets[b]) <= set(subsets[a])
