@@ -213,3 +213,9 @@ class Selections(Mapping[str, Selection]):
             rows.append([channel, s.superset.unit, r.name, str(r.num_parameters), *numbers, s.best.name])
         head = ["channel", "unit", "recommended", "parameters", "objective", "WVIC", "p of fit", "equivalent", "lowest"]
         return f"Model selections, of {len(self.selections[0])} models each\n{format_table(head, rows, left=3)}"
+
+    def plot(self) -> "Figure":
+        """A panel a channel, see `gmwm_jax.plot_selection`."""
+        from gmwm_jax.plot_selection import plot_selections
+
+        return plot_selections(self)

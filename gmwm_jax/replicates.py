@@ -1,7 +1,7 @@
 """What a bootstrap gives: replicates of a fit, their scatter, intervals, and a test of fit."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -133,6 +133,21 @@ class Bootstrap:
         if len(self.good) >= replicates_needed(self.fit.level):
             lines += ["", str(self.parameters())]
         return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was done and the percentile intervals, for JSON; no table if there are too few replicates."""
+        enough = len(self.good) >= replicates_needed(self.fit.level)
+        result: dict[str, Any] = {
+            "route": self.route,
+            "num_replicates": len(self.values),
+            "num_failed": self.num_failed,
+            "p_value": self.p_value,
+            "parameters": self.parameters().to_list() if enough else None,
+        }
+        if self.fit.rate:
+            result["continuous"] = self.continuous().to_list() if enough else None
+            result["datasheet"] = self.datasheet().to_list() if enough else None
+        return result
 
     def plot(self) -> "Figure":
         """Replicates of each parameter with estimate and intervals, see `gmwm_jax.plot_bootstrap`."""

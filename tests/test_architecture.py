@@ -32,7 +32,7 @@ GMWM_JAX = """
     result goodness allan fitting refit intervals replicates _progress bootstrapping
     submodels sweep criterion candidates selection
     whitening regressors regression
-    plot plot_bootstrap plot_selection demo cli __main__
+    plot plot_bootstrap plot_selection demo cli_parts cli __main__
     __init__
 """
 NAV_JAX = """

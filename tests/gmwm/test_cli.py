@@ -174,6 +174,53 @@ def test_fit_of_one_channel(npz):
     assert [one["channel"] for one in content] == ["accel_x"]
 
 
+def test_fit_with_replicates_and_without_outliers(npz, tmp_path):
+    arguments = ("fit", npz, "--channels", "accel_x", "--model", MODEL, "--weights", "two-step", "--robust")
+    done = call(*arguments, "--bootstrap", "250", "--seed", "3", "--json", "-", "--plot", tmp_path / "f.png")
+    one = json.loads(done.stdout)[0]
+    assert (one["weights"], one["efficiency"]) == ("two-step", 0.6)
+    assert one["bootstrap"]["num_replicates"] == 250
+    assert one["bootstrap"]["parameters"][0]["ci_low"] < one["parameters"][0]["value"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["f.png", "f_bootstrap_accel_x.png"]
+    again = json.loads(call(*arguments, "--bootstrap", "250", "--seed", "3", "--json", "-").stdout)[0]
+    assert again == one
+    other = json.loads(call(*arguments, "--bootstrap", "250", "--seed", "4", "--json", "-").stdout)[0]
+    assert other["bootstrap"]["parameters"] != one["bootstrap"]["parameters"]
+
+
+def test_wv_without_outliers(npz, rec):
+    content = json.loads(call("wv", npz, "--robust", "--efficiency", "0.9", "--json", "-").stdout)
+    robust = wavelet_variance(rec["gyro_x"], efficiency=0.9)
+    np.testing.assert_allclose(content["channels"]["gyro_x"]["variance"], robust.variance, rtol=1e-12)
+
+
+# select
+
+
+def test_select(npz, tmp_path):
+    done = call(
+        "select",
+        npz,
+        "--channels",
+        "gyro",
+        "--model",
+        MODEL,
+        "--json",
+        tmp_path / "s.json",
+        "--plot",
+        tmp_path / "s.png",
+    )
+    assert done.stdout.count("Model selection for gyro_") == 2
+    assert "Model selections, of 3 models each" in done.stdout
+    one = json.loads((tmp_path / "s.json").read_text())[0]
+    assert {c["name"] for c in one["candidates"]} == {"WN", "RW", "WN + RW"}
+    assert one["recommended"] in {"WN", "WN + RW"}
+    assert one["fit"]["objective"] == next(c for c in one["candidates"] if c["name"] == one["recommended"])["objective"]
+    assert (tmp_path / "s.png").read_bytes().startswith(MAGIC[".png"])
+    listed = call("select", npz, "--channels", "gyro_x", "--model", "WN", "--model", "RW", "--weights", "default")
+    assert "2 models within WN + RW, default weights" in listed.stdout
+
+
 def test_a_search_that_did_not_converge_is_told(npz, wv, monkeypatch):
     stalled = replace(cli.fit_model(wv["gyro_x"], MODEL), status=Status.stalled)
     monkeypatch.setattr(cli, "fit_model", lambda *arguments, **options: stalled)
@@ -312,6 +359,14 @@ STATED = ("--rate", "100", "--unit", "rad/s")
         (("fit", "{npz}", "--model", MODEL, "--datasheet", "N=5"), "'5' has no unit"),
         (("fit", "{npz}", "--model", MODEL, "--datasheet", "B=5 deg/h"), "Unknown datasheet entry 'B'"),
         (("fit", "{bad}/nan.npy", *STATED, "--model", MODEL), "(nan) at index 17"),
+        (
+            ("fit", "{npz}", "--model", MODEL, "--weights", "best"),
+            "--weights is default, two-step, covariance, iterated",
+        ),
+        (("fit", "{npz}", "--model", MODEL, "--robust", "--efficiency", "2"), "efficiency"),
+        (("fit", "{npz}", "--model", MODEL, "--bootstrap", "-1"), "num_replicates"),
+        (("select", "{npz}", "--model", "WN"), "nothing to choose from"),
+        (("select", "{npz}", "--model", "2*WN"), "cannot be told apart"),
         (("units",), "Give a number with two units, or --model, or --datasheet"),
         (("units", "1", "deg/h"), "from one unit to another"),
         (("units", "1", "deg/h", "g"), "deg/h measures rad/s and g measures m/s^2"),
