@@ -64,6 +64,7 @@ LEAVES = (
     "config",
     "report",
     "demo",
+    "cli_parts",
     "cli",
     "__main__",
 )
