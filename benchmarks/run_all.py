@@ -11,7 +11,19 @@ from pathlib import Path
 from common import RESULTS, about, markdown
 
 HERE = Path(__file__).resolve().parent
-NAMES = ("wavelet", "robust", "fit", "process", "bmx055", "coverage", "bootstrap", "selection", "regression", "nav")
+NAMES = (
+    "wavelet",
+    "robust",
+    "fit",
+    "process",
+    "bmx055",
+    "coverage",
+    "bootstrap",
+    "intervals",
+    "selection",
+    "regression",
+    "nav",
+)
 BEGIN, END = "<!-- table: run_all.py -->", "<!-- end -->"
 
 

@@ -2,7 +2,7 @@
 
 So a time loop draws the noise of a sample when it comes to it, and nothing has to be kept. The hash is Threefry-2x32 of
 20 rounds (Salmon et al. 2011), that of `jax.random`, whose own form on a CPU writes every array to memory after every
-fourth round; in a time loop that takes several times as long as the arithmetic.
+fourth round.
 
 The numbers are of single precision: 24 bits of noise are enough (they reach 5.4 sigma, which one sample in 15 million
 exceeds), at half the time.

@@ -29,7 +29,7 @@ from nav_jax.status import Status
 from nav_jax.trajectory import Trajectory
 
 _SIZES = range(64, 129, 8)
-"""Runs in a chunk: whole vectors, and enough of them; more is no faster (benchmarks) and later to be interrupted."""
+"""Runs in a chunk: whole vectors, and enough of them to pay for a step; more come back later when interrupted."""
 
 
 def monte_carlo(
