@@ -51,7 +51,7 @@ def main() -> None:
             report.table(f"{kinds}, N = {num_samples:,}: coverage in % of {num} records", head, table)
             report.say(
                 f"Test of fit at 5 %: size {100 * by_theory:.1f} % by theory, {100 * by_replicates:.1f} % by "
-                f"replicates; power against {wrong} {100 * power:.0f} %. It took {seconds(time.perf_counter() - start)}."
+                f"replicates; power against {wrong} {100 * power:.0f} %. Took {seconds(time.perf_counter() - start)}."
             )
             sizes += [f"{100 * by_theory:.1f} / {100 * by_replicates:.1f}"]
     for kind, found in outside.items():
