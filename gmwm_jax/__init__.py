@@ -38,6 +38,9 @@ from gmwm_jax.goodness import GoodnessOfFit as GoodnessOfFit
 from gmwm_jax.goodness import goodness_of_fit as goodness_of_fit
 from gmwm_jax.io import read_recording as read_recording
 from gmwm_jax.io import save_recording as save_recording
+from gmwm_jax.joint import JointFit as JointFit
+from gmwm_jax.joint import JointFits as JointFits
+from gmwm_jax.joint_fitting import fit_records as fit_records
 from gmwm_jax.outliers import OutlierRun as OutlierRun
 from gmwm_jax.outliers import RobustComparison as RobustComparison
 from gmwm_jax.outliers import compare_robust as compare_robust

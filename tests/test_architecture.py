@@ -30,8 +30,9 @@ GMWM_JAX = """
     wv_covariance inference estimates weights
     outliers
     result goodness allan fitting refit intervals replicates _progress bootstrapping
+    records joint joint_fitting joint_refit resampling record_comparison near_stationarity cross_validation
     whitening regressors regression
-    plot plot_bootstrap demo cli __main__
+    plot plot_bootstrap plot_records demo cli __main__
     __init__
 """
 NAV_JAX = """
@@ -54,7 +55,7 @@ NAV_JAX = """
 ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
 """From low to high, files of each package. A file that does not exist (yet) is no error."""
 
-LEAVES = ("plot", "plot_bootstrap", "plot_runs", "config_sections", "config", "report", "demo", "cli", "__main__")
+LEAVES = ("plot", "plot_bootstrap", "plot_records", "plot_runs", "config_sections", "config", "report", "demo", "cli", "__main__")
 """Imported by nobody but other leaves; `plot...` also inside methods."""
 
 HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic")
