@@ -28,6 +28,9 @@ from gmwm_jax.allan import allan_deviation as allan_deviation
 from gmwm_jax.allan import read_off as read_off
 from gmwm_jax.allan import slope_regression as slope_regression
 from gmwm_jax.bootstrapping import bootstrap as bootstrap
+from gmwm_jax.cross_validation import CrossValidation as CrossValidation
+from gmwm_jax.cross_validation import Prediction as Prediction
+from gmwm_jax.cross_validation import cross_validate as cross_validate
 from gmwm_jax.datasheet import from_datasheet as from_datasheet
 from gmwm_jax.estimates import Estimate as Estimate
 from gmwm_jax.estimates import EstimateTable as EstimateTable
@@ -41,6 +44,8 @@ from gmwm_jax.io import save_recording as save_recording
 from gmwm_jax.joint import JointFit as JointFit
 from gmwm_jax.joint import JointFits as JointFits
 from gmwm_jax.joint_fitting import fit_records as fit_records
+from gmwm_jax.near_stationarity import NearStationarity as NearStationarity
+from gmwm_jax.near_stationarity import near_stationarity as near_stationarity
 from gmwm_jax.outliers import OutlierRun as OutlierRun
 from gmwm_jax.outliers import RobustComparison as RobustComparison
 from gmwm_jax.outliers import compare_robust as compare_robust
@@ -61,6 +66,9 @@ from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
 from gmwm_jax.processes.sinusoid import SIN as SIN
 from gmwm_jax.processes.white_noise import WN as WN
+from gmwm_jax.record_comparison import RecordComparison as RecordComparison
+from gmwm_jax.record_comparison import Spread as Spread
+from gmwm_jax.record_comparison import compare_records as compare_records
 from gmwm_jax.recording import Recording as Recording
 from gmwm_jax.regression import Coefficient as Coefficient
 from gmwm_jax.regression import Coefficients as Coefficients
@@ -72,6 +80,8 @@ from gmwm_jax.regressors import seasonal as seasonal
 from gmwm_jax.regressors import step as step
 from gmwm_jax.regressors import trend as trend
 from gmwm_jax.replicates import Bootstrap as Bootstrap
+from gmwm_jax.resampling import RecordResamples as RecordResamples
+from gmwm_jax.resampling import resample_records as resample_records
 from gmwm_jax.result import Fit as Fit
 from gmwm_jax.result import Fits as Fits
 from gmwm_jax.result import Status as Status

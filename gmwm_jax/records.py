@@ -105,7 +105,7 @@ class Pool(NamedTuple):
     def objectives(self, fitted: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B R"]:
         """The quadratic form of each record at each of B theoretical wavelet variances."""
         residuals = self.variances - fitted[:, None, :]
-        return np.einsum("brj,...rjk,brk->br", residuals, self.omegas, residuals)
+        return np.sum(residuals * np.einsum("...rjk,...rk->...rj", self.omegas, residuals), axis=-1)
 
 
 def pool(records: Sequence[WaveletVariance], omegas: Sequence[Float[np.ndarray, "_ _"]]) -> Pool:
