@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 from gmwm_jax._check import confidence, integer, typed_key
 from gmwm_jax._table import format_table, number
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.joint import JointFit, JointFits
+from gmwm_jax.joint import JointFit
 from gmwm_jax.joint_fitting import fit_records
 from gmwm_jax.joint_refit import joint_refit
 from gmwm_jax.processes._base import AbstractProcess, Composite
@@ -113,9 +113,13 @@ class CrossValidation(Mapping[str, Prediction]):
         head = ["model", "parameters", "CV-WVIC", "se", "to best", "se", ""]
         chosen = self.recommended
         rows = [
-            [p.model, str(p.num_parameters), number(p.score), number(p.error, 3), number(p.difference, 3)]
-            + [number(p.difference_error, 3)]
-            + ["recommended" if p is chosen else "equivalent" if p.equivalent else ""]
+            [
+                p.model,
+                str(p.num_parameters),
+                number(p.score),
+                *(number(x, 3) for x in (p.error, p.difference, p.difference_error)),
+                "recommended" if p is chosen else "equivalent" if p.equivalent else "",
+            ]
             for p in self.predictions
         ]
         B, R = self.splits.shape
@@ -196,12 +200,9 @@ def cross_validate(
         raise ValueError(f"num_estimation={s} leaves none of {R} records to compare on.")
     splits, exact = _splits(R, s, integer("max_splits", max_splits, R), key)
     fits = {text: fit_records(records, model) for text, model in posed.items()}
-    channels = records[0].channels
-    found = {}
-    for channel in channels:
-        own = {text: f[channel] if isinstance(f, JointFits) else f for text, f in fits.items()}
-        found[channel] = _compare(own, splits, exact, level)
-    return found[channels[0]] if records[0].is_single else found
+    if records[0].is_single:
+        return _compare(fits, splits, exact, level)
+    return {c: _compare({t: f[c] for t, f in fits.items()}, splits, exact, level) for c in records[0].channels}
 
 
 def _splits(R: int, s: int, max_splits: int, key: PRNGKey | None) -> tuple[Bool[np.ndarray, "B R"], bool]:

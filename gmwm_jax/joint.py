@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -92,9 +91,7 @@ class JointFit(Fit):
         J = self.wv.num_scales
         total = pool([r.wv for r in self.records], omegas).omegas.sum(axis=0)
         V = _mean_covariance(omegas, covariances, J)
-        return np.asarray(
-            parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(total).T, V)
-        )
+        return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(total).T, V))
 
     @cached_property
     def singles(self) -> tuple[Fit, ...]:

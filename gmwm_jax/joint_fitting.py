@@ -106,7 +106,7 @@ def _joint_channels(
     pools = [pool(wvs, own) for wvs, own in zip(channels, omegas, strict=True)]
     means = [pooled(wvs, both) for wvs, both in zip(channels, pools, strict=True)]
     fits = fit_channels([wv for wv, _ in means], model, [o for _, o in means], **options)
-    return [_joint(f, *each) for f, *each in zip(fits, channels, omegas, pools, strict=True)]
+    return [_joint(f, wvs, own, both) for f, wvs, own, both in zip(fits, channels, omegas, pools, strict=True)]
 
 
 def _joint(fit: Fit, wvs: list[WaveletVariance], omegas: list[np.ndarray], both: Pool) -> JointFit:

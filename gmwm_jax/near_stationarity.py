@@ -160,9 +160,7 @@ def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
     if route == RECORDS:
         if joint.wv.efficiency is not None:
             raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
-        return [
-            record_draws(joint.model, N, r.wv.num_scales) for N, r in zip(lengths, joint.records, strict=True)
-        ]
+        return [record_draws(joint.model, N, r.wv.num_scales) for N, r in zip(lengths, joint.records, strict=True)]
     if joint.record_covariances is None:
         raise ValueError(f'There is no theory of the scatter of {joint.model}: take route="{RECORDS}".')
     return [variance_draws(joint.fitted[: len(V)], V) for V in joint.record_covariances]

@@ -16,7 +16,7 @@ from gmwm_jax.near_stationarity import NearStationarity
 from gmwm_jax.record_comparison import RecordComparison
 
 _FIT, _DRAWS = "#c23b22", "#2a7f8e"
-_RECORDS = ("#2a7f8e", "#7a4fa3", "#d98e04", "#4c9a2a", "#8c564b", "#5f6c7b")
+_RECORDS = ("#2a7f8e", "#7a4fa3", "#d98e04", "#4c9a2a", "#1f4e79", "#b5628c")
 _MOST_NAMES = 8
 """Records that a legend names one by one."""
 
@@ -36,7 +36,8 @@ def plot_joint_fit(joint: JointFit, *, axes: Sequence[Axes] | None = None) -> Fi
             2, 1, sharex=True, figsize=(7, 6.6), height_ratios=(3, 1), layout="constrained"
         )
     else:
-        (top, bottom), figure = axes, axes[0].figure
+        (top, bottom), figure = axes, axes[0].get_figure()
+        assert isinstance(figure, Figure)
     rate, tau = joint.wv.rate or 1.0, joint.wv.scales
     dense = np.unique(2 * np.round(np.geomspace(tau[0], tau[-1], 200) / 2))
     if all(r.wv.num_scales >= joint.model.num_free for r in joint.records):
@@ -62,6 +63,7 @@ def plot_joint_fit(joint: JointFit, *, axes: Sequence[Axes] | None = None) -> Fi
     channel = joint.wv.channels[0]
     top.set_title(f"{channel}, {len(joint.records)} records: {labels}, objective {joint.objective:.5g}", fontsize=10)
     bottom.set_yscale("symlog", linthresh=4)
+    bottom.set_yticks([y for y in (-100, -10, 0, 10, 100) if abs(y) < 1.3 * np.abs(bottom.get_ylim()).max()])
     bottom.set_ylabel("residual\n[half CI]")
     bottom.set_xlabel("scale τ [s]" if joint.wv.rate else "scale τ [samples]")
     bottom.legend(fontsize=8, loc="best")
@@ -121,7 +123,7 @@ def plot_record_comparison(comparison: RecordComparison) -> Figure:
         ax.axhline(value, color=_FIT, lw=1.4, label="joint")
         ax.set_xticks(numbers)
         ax.set_xlabel("record")
-        ax.set_ylabel(f"{spread.component} {spread.symbol} [{unit}]")
+        ax.set_ylabel(f"{spread.component} {spread.symbol} [{unit.replace('^2', '²')}]")
         if np.any(seen) and high[seen].max() > 3 * low[seen].min() > 0:
             ax.set_yscale("log")
         ax.set_title(f"p = {spread.p_value:.2g}, between records {100 * spread.between:.2g} %", fontsize=9)
@@ -181,7 +183,9 @@ def plot_cross_validation(cv: CrossValidation) -> Figure:
     ax.axvline(0, color="0.4", lw=0.8)
     positive = [p.difference for p in cv.predictions if p.difference > 0]
     if positive and max(positive) > 100 * min(positive):
-        ax.set_xscale("symlog", linthresh=10 ** math.floor(math.log10(min(positive))))
+        smallest = 10.0 ** math.floor(math.log10(min(positive)))
+        ax.set_xscale("symlog", linthresh=smallest)
+        ax.set_xlim(left=-smallest)
     ax.set_xlabel("CV-WVIC above the best (± standard error)")
     channel, count = cv.fits[0].wv.channels[0], cv.splits.shape[1]
     ax.set_title(f"{channel}, {count} records; red: recommended, blue: equivalent", fontsize=10)

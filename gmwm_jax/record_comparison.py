@@ -21,7 +21,8 @@ from scipy.special import chdtrc
 from gmwm_jax._table import format_table, number
 from gmwm_jax.inference import parameter_covariance
 from gmwm_jax.joint import JointFit, one_channel
-from gmwm_jax.result import Status
+from gmwm_jax.processes._parameter import Parameter
+from gmwm_jax.result import Fit, Status
 from gmwm_jax.weights import require_theory
 
 if TYPE_CHECKING:
@@ -93,8 +94,10 @@ class RecordComparison:
 
     @property
     def between_covariance(self) -> Float[np.ndarray, "A A"]:
-        """Covariance of the parameters between records: that of the estimates less the mean of theory; a moment
-        estimate, which by chance may have negative variances. NaN with fewer than two complete records."""
+        """Covariance of the parameters between records: that of the estimates less the mean of theory.
+
+        A moment estimate, which by chance may have negative variances; NaN with fewer than two complete records.
+        """
         complete = np.isfinite(self.estimates).all(axis=1)
         if complete.sum() < 2:
             return np.full(self.covariances.shape[1:], np.nan)
@@ -112,9 +115,15 @@ class RecordComparison:
         """The test of all, and a row a parameter."""
         head = ["component", "quantity", "lowest", "highest", "scatter", "by error", "Q", "dof", "p", "between", ""]
         rows = [
-            [s.component, s.symbol, number(s.low), number(s.high), number(s.observed, 3), number(s.expected, 3)]
-            + [number(s.statistic, 4), str(s.dof), number(s.p_value, 3), number(s.between, 3)]
-            + [f"{s.num_left_out} left out" if s.num_left_out else ""]
+            [
+                s.component,
+                s.symbol,
+                *(number(x) for x in (s.low, s.high)),
+                *(number(x, 3) for x in (s.observed, s.expected, s.statistic)),
+                str(s.dof),
+                *(number(x, 3) for x in (s.p_value, s.between)),
+                f"{s.num_left_out} left out" if s.num_left_out else "",
+            ]
             for s in self.spreads
         ]
         return (
@@ -196,7 +205,7 @@ def compare_records(joint: JointFit) -> RecordComparison:
     return RecordComparison(joint, x, theory, spreads, statistic, dof, p_value)
 
 
-def _on_the_line(single, active: list[int]) -> Float[np.ndarray, " A"]:
+def _on_the_line(single: Fit, active: list[int]) -> Float[np.ndarray, " A"]:
     """The parameters of a single fit that the joint fit determines; NaN for those that this record does not."""
     values = np.full(single.model.num_parameters, np.nan)
     if single.status is Status.converged:
@@ -214,11 +223,12 @@ def _statistic(x: Float[np.ndarray, "C A"], covariances: Float[np.ndarray, "C A 
     return float(np.einsum("ra,rab,rb->", x - mean, weights, x - mean))
 
 
-def _spread(label: str, q, x: Float[np.ndarray, " R"], variance: Float[np.ndarray, " R"]) -> Spread:
+def _spread(label: str, q: Parameter, x: Float[np.ndarray, " R"], variance: Float[np.ndarray, " R"]) -> Spread:
     seen: Bool[np.ndarray, " R"] = np.isfinite(x)
     num = int(seen.sum())
     if num < 2:
-        return Spread(label, q.name, *[np.nan] * 5, 0, np.nan, np.nan, len(x) - num)
+        none = np.nan
+        return Spread(label, q.name, none, none, none, none, none, 0, none, none, len(x) - num)
     x, w = x[seen], 1 / variance[seen]
     Q = _statistic(x[:, None], variance[seen][:, None, None])
     left = (Q - (num - 1)) / (w.sum() - (w**2).sum() / w.sum())

@@ -154,6 +154,4 @@ def pooled(records: Sequence[WaveletVariance], both: Pool) -> tuple[WaveletVaria
     with np.errstate(divide="ignore"):
         below, above = np.exp(-1 / np.sqrt(information[0])), np.exp(1 / np.sqrt(information[1]))
     values = (longest.scales, mean, mean * below, mean * above, None, longest.level, longest.rate)
-    return WaveletVariance(
-        *values, longest.channels, longest.units, "", longest.method, longest.efficiency
-    ), omega
+    return WaveletVariance(*values, longest.channels, longest.units, "", longest.method, longest.efficiency), omega
