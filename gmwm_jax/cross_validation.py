@@ -256,7 +256,7 @@ def _compare(
                 error=error(scores[text]),
                 difference=to_best,
                 difference_error=its_error,
-                equivalent=to_best <= t * its_error,
+                equivalent=bool(to_best <= t * its_error),
                 num_failed=failed[text],
             )
         )

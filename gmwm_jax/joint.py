@@ -102,23 +102,12 @@ class JointFit(Fit):
         ValueError
             A record has fewer scales than the model free parameters.
         """
-        model, fits = _unfitted(self.model), list(self.records)
+        model = _unfitted(self.model)
         for r in self.records:
             require_fittable(model, r.wv)
-        for J in {r.wv.num_scales for r in self.records}:
-            members = [i for i, r in enumerate(self.records) if r.wv.num_scales == J]
-            found = fit_channels(
-                [self.records[i].wv for i in members],
-                model,
-                [self.records[i].omega for i in members],
-                rate=self.rate,
-                key=None,
-                level=self.level,
-                weights=self.weights,
-            )
-            for i, f in zip(members, found, strict=True):
-                fits[i] = f
-        return tuple(fits)
+        # one after the other: the compiled search of the joint fit serves all
+        options: Any = {"rate": self.rate, "key": None, "level": self.level, "weights": self.weights}
+        return tuple(fit_channels([r.wv], model, [r.omega], **options)[0] for r in self.records)
 
     def summary(self) -> str:
         """All of it as text."""

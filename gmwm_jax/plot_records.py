@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from gmwm_jax.cross_validation import CrossValidation
 from gmwm_jax.inference import normal_quantile
 from gmwm_jax.joint import JointFit, JointFits
-from gmwm_jax.near_stationarity import NearStationarity
+from gmwm_jax.stationarity import NearStationarity
 from gmwm_jax.record_comparison import RecordComparison
 
 _FIT, _DRAWS = "#c23b22", "#2a7f8e"

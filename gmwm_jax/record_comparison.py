@@ -176,7 +176,7 @@ def compare_records(joint: JointFit) -> RecordComparison:
     active = list(joint.active)
     if not active:
         raise ValueError(f"No parameter of {joint.model} is free and inside its range: there is nothing to compare.")
-    x = np.stack([_on_the_line(single, active) for single in joint.singles])
+    x = np.stack([_on_the_line(single, joint) for single in joint.singles])
     theory = np.stack(
         [
             np.asarray(
@@ -205,13 +205,22 @@ def compare_records(joint: JointFit) -> RecordComparison:
     return RecordComparison(joint, x, theory, spreads, statistic, dof, p_value)
 
 
-def _on_the_line(single: Fit, active: list[int]) -> Float[np.ndarray, " A"]:
-    """The parameters of a single fit that the joint fit determines; NaN for those that this record does not."""
-    values = np.full(single.model.num_parameters, np.nan)
-    if single.status is Status.converged:
-        own = list(single.active)
-        values[own] = np.asarray(single.model.unconstrained())[own]
-    return values[active]
+def _on_the_line(single: Fit, joint: JointFit) -> Float[np.ndarray, " A"]:
+    """The parameters of a single fit that the joint fit determines; NaN for those that this record does not.
+
+    A component that is white noise or a random walk in one of them only is another process, variance included.
+    """
+    if single.status is not Status.converged:
+        return np.full(len(joint.active), np.nan)
+    known = [
+        single.at_boundary.get(label) == joint.at_boundary.get(label)
+        for label, p in zip(joint.model.labels, joint.model.processes, strict=True)
+        for _ in p.parameters
+    ]
+    inside = np.isin(np.arange(len(known)), single.active) & np.array(known)
+    with np.errstate(divide="ignore"):
+        values = np.where(inside, np.asarray(single.model.unconstrained()), np.nan)
+    return values[list(joint.active)]
 
 
 def _statistic(x: Float[np.ndarray, "C A"], covariances: Float[np.ndarray, "C A A"]) -> float:

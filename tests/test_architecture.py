@@ -30,7 +30,7 @@ GMWM_JAX = """
     wv_covariance inference estimates weights
     outliers
     result goodness allan fitting refit intervals replicates _progress bootstrapping
-    records joint joint_fitting joint_refit resampling record_comparison near_stationarity cross_validation
+    records joint joint_fitting joint_refit resampling record_comparison stationarity cross_validation
     whitening regressors regression
     plot plot_bootstrap plot_records demo cli __main__
     __init__
