@@ -44,8 +44,6 @@ from gmwm_jax.io import save_recording as save_recording
 from gmwm_jax.joint import JointFit as JointFit
 from gmwm_jax.joint import JointFits as JointFits
 from gmwm_jax.joint_fitting import fit_records as fit_records
-from gmwm_jax.stationarity import NearStationarity as NearStationarity
-from gmwm_jax.stationarity import near_stationarity as near_stationarity
 from gmwm_jax.outliers import OutlierRun as OutlierRun
 from gmwm_jax.outliers import RobustComparison as RobustComparison
 from gmwm_jax.outliers import compare_robust as compare_robust
@@ -86,6 +84,8 @@ from gmwm_jax.result import Fit as Fit
 from gmwm_jax.result import Fits as Fits
 from gmwm_jax.result import Status as Status
 from gmwm_jax.simulation import simulate as simulate
+from gmwm_jax.stationarity import NearStationarity as NearStationarity
+from gmwm_jax.stationarity import near_stationarity as near_stationarity
 from gmwm_jax.variance import WaveletVariance as WaveletVariance
 from gmwm_jax.variance import wavelet_variance as wavelet_variance
 from gmwm_jax.wavelet import haar_dwt_variance as haar_dwt_variance

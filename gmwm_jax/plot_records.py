@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from gmwm_jax.cross_validation import CrossValidation
 from gmwm_jax.inference import normal_quantile
 from gmwm_jax.joint import JointFit, JointFits
-from gmwm_jax.stationarity import NearStationarity
 from gmwm_jax.record_comparison import RecordComparison
+from gmwm_jax.stationarity import NearStationarity
 
 _FIT, _DRAWS = "#c23b22", "#2a7f8e"
 _RECORDS = ("#2a7f8e", "#7a4fa3", "#d98e04", "#4c9a2a", "#1f4e79", "#b5628c")

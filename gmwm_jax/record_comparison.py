@@ -235,9 +235,10 @@ def _statistic(x: Float[np.ndarray, "C A"], covariances: Float[np.ndarray, "C A 
 def _spread(label: str, q: Parameter, x: Float[np.ndarray, " R"], variance: Float[np.ndarray, " R"]) -> Spread:
     seen: Bool[np.ndarray, " R"] = np.isfinite(x)
     num = int(seen.sum())
+    num_left_out = len(x) - num
     if num < 2:
         none = np.nan
-        return Spread(label, q.name, none, none, none, none, none, 0, none, none, len(x) - num)
+        return Spread(label, q.name, none, none, none, none, none, 0, none, none, num_left_out)
     x, w = x[seen], 1 / variance[seen]
     Q = _statistic(x[:, None], variance[seen][:, None, None])
     left = (Q - (num - 1)) / (w.sum() - (w**2).sum() / w.sum())
@@ -252,5 +253,5 @@ def _spread(label: str, q: Parameter, x: Float[np.ndarray, " R"], variance: Floa
         dof=num - 1,
         p_value=float(chdtrc(num - 1, Q)),
         between=float(np.sqrt(max(0.0, left))),
-        num_left_out=len(x) - num,
+        num_left_out=num_left_out,
     )

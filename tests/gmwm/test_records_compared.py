@@ -155,7 +155,7 @@ def test_share_of_objectives(joint, test_of_same):
     assert test_of_same.plot().axes[0].get_xlabel() == "joint objective"
 
 
-@pytest.mark.parametrize("omega", [None, "two-step", "covariance"])
+@pytest.mark.parametrize("omega", [None, "two-step"])
 def test_a_replicate_is_a_joint_fit(records, omega):
     """Also where one record is shorter."""
     part = {k: getattr(records[0], k)[:11] for k in ("scales", "variance", "ci_low", "ci_high")}
@@ -166,8 +166,6 @@ def test_a_replicate_is_a_joint_fit(records, omega):
         variances[:, i, : nu.shape[1]] = nu
     ours, converged = module._objectives(fit, variances)
     assert converged.all()
-    if omega == "covariance":
-        return  # held: fit_records would take those under its own fits
     for b in range(3):
         own = []
         for i, r in enumerate(fit.records):
