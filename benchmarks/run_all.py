@@ -11,7 +11,7 @@ from pathlib import Path
 from common import RESULTS, about, markdown
 
 HERE = Path(__file__).resolve().parent
-NAMES = ("wavelet", "robust", "fit", "process", "bmx055", "coverage", "bootstrap", "regression", "nav")
+NAMES = ("wavelet", "robust", "fit", "process", "bmx055", "coverage", "bootstrap", "records", "regression", "nav")
 BEGIN, END = "<!-- table: run_all.py -->", "<!-- end -->"
 
 

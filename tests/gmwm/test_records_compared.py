@@ -121,11 +121,11 @@ def test_records_without_an_estimate_are_left_out(joint):
 
 @pytest.mark.slow
 def test_size_and_power():
-    """30 sets of records with the same parameters: both tests are uniform; six with other times: both reject.
+    """20 sets of records with the same parameters: both tests are uniform; five with other times: the second rejects.
 
-    Cochran's Q of 3 degrees of freedom has variance 6. The benchmark has a thousand sets.
+    Cochran's Q of 3 degrees of freedom has variance 6. The benchmark has 500 sets.
     """
-    num, Q, p, p_all = 30, [], [], []
+    num, Q, p, p_all = 20, [], [], []
     for b, wvs in enumerate(drawn(num, 3)):
         fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
         comparison = gj.compare_records(fit)
@@ -138,9 +138,9 @@ def test_size_and_power():
         assert np.mean(np.array(values) < 0.05) < 0.05 + SIGMAS * np.sqrt(0.05 * 0.95 / num)
     found = [
         gj.near_stationarity(gj.fit_records(wvs, "WN + GM", omega="two-step"), 63, key=jax.random.key(b)).p_value
-        for b, wvs in enumerate(drawn(6, 6, spread=0.7))
+        for b, wvs in enumerate(drawn(5, 6, spread=0.7))
     ]
-    assert np.sum(np.array(found) < 0.05) >= 5
+    assert np.sum(np.array(found) < 0.05) >= 4
 
 
 # -- near-stationarity ------------------------------------------------------------------------------------------------
