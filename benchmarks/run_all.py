@@ -21,6 +21,7 @@ NAMES = (
     "bootstrap",
     "intervals",
     "selection",
+    "records",
     "regression",
     "nav",
 )

@@ -31,6 +31,9 @@ from gmwm_jax.bootstrapping import bootstrap as bootstrap
 from gmwm_jax.candidates import Candidate as Candidate
 from gmwm_jax.candidates import Selection as Selection
 from gmwm_jax.candidates import Selections as Selections
+from gmwm_jax.cross_validation import CrossValidation as CrossValidation
+from gmwm_jax.cross_validation import Prediction as Prediction
+from gmwm_jax.cross_validation import cross_validate as cross_validate
 from gmwm_jax.datasheet import from_datasheet as from_datasheet
 from gmwm_jax.estimates import Estimate as Estimate
 from gmwm_jax.estimates import EstimateTable as EstimateTable
@@ -41,6 +44,9 @@ from gmwm_jax.goodness import GoodnessOfFit as GoodnessOfFit
 from gmwm_jax.goodness import goodness_of_fit as goodness_of_fit
 from gmwm_jax.io import read_recording as read_recording
 from gmwm_jax.io import save_recording as save_recording
+from gmwm_jax.joint import JointFit as JointFit
+from gmwm_jax.joint import JointFits as JointFits
+from gmwm_jax.joint_fitting import fit_records as fit_records
 from gmwm_jax.outliers import OutlierRun as OutlierRun
 from gmwm_jax.outliers import RobustComparison as RobustComparison
 from gmwm_jax.outliers import compare_robust as compare_robust
@@ -61,6 +67,9 @@ from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
 from gmwm_jax.processes.sinusoid import SIN as SIN
 from gmwm_jax.processes.white_noise import WN as WN
+from gmwm_jax.record_comparison import RecordComparison as RecordComparison
+from gmwm_jax.record_comparison import Spread as Spread
+from gmwm_jax.record_comparison import compare_records as compare_records
 from gmwm_jax.recording import Recording as Recording
 from gmwm_jax.regression import Coefficient as Coefficient
 from gmwm_jax.regression import Coefficients as Coefficients
@@ -72,11 +81,15 @@ from gmwm_jax.regressors import seasonal as seasonal
 from gmwm_jax.regressors import step as step
 from gmwm_jax.regressors import trend as trend
 from gmwm_jax.replicates import Bootstrap as Bootstrap
+from gmwm_jax.resampling import RecordResamples as RecordResamples
+from gmwm_jax.resampling import resample_records as resample_records
 from gmwm_jax.result import Fit as Fit
 from gmwm_jax.result import Fits as Fits
 from gmwm_jax.result import Status as Status
 from gmwm_jax.selection import select as select
 from gmwm_jax.simulation import simulate as simulate
+from gmwm_jax.stationarity import NearStationarity as NearStationarity
+from gmwm_jax.stationarity import near_stationarity as near_stationarity
 from gmwm_jax.variance import WaveletVariance as WaveletVariance
 from gmwm_jax.variance import wavelet_variance as wavelet_variance
 from gmwm_jax.wavelet import haar_dwt_variance as haar_dwt_variance

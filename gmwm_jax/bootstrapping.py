@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from scipy.special import gammaincinv, ndtr
 
 from gmwm_jax._check import integer, require_x64, typed_key
@@ -82,7 +83,10 @@ def bootstrap(
     if np.any(fit.fitted <= 0):
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))
-    draw = draw_variances(fit) if route == VARIANCES else _records(fit, num_samples)
+    if route == VARIANCES:
+        draw = variance_draws(fit.fitted, np.asarray(fit.wv_covariance))
+    else:
+        draw = record_draws(fit.model, num_samples, fit.wv.num_scales)
     done: list[tuple[np.ndarray, Refits]] = []
     bar = progress_bar(num_replicates, "replicate", progress)
     try:
@@ -100,9 +104,8 @@ def bootstrap(
     return Bootstrap(fit, route, nu, *refits, num_requested=num_replicates)
 
 
-def draw_variances(fit: Fit) -> Callable[[Any], np.ndarray]:
-    """A function of keys that draws wavelet variances of a fitted model from their theoretical distribution."""
-    V, nu = np.asarray(fit.wv_covariance), fit.fitted
+def variance_draws(nu: Float[np.ndarray, " J"], V: Float[np.ndarray, "J J"]) -> Callable[[Any], np.ndarray]:
+    """A function of keys that draws wavelet variances with this mean and covariance, as the module says."""
     sd = np.sqrt(np.diag(V))
     # a symmetric root serves also where V is singular to rounding
     roots, vectors = np.linalg.eigh(V / np.outer(sd, sd))
@@ -121,7 +124,7 @@ def _normal(keys: Any, num: int) -> Any:
     return jax.vmap(lambda key: jax.random.normal(key, (num,)))(keys)
 
 
-def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
+def record_draws(model: Composite, num_samples: int, num_levels: int) -> Callable[[Any], np.ndarray]:
     """A function of keys that simulates records and takes their wavelet variances."""
     at_once = max(1, min(_CHUNK, _SAMPLES_AT_ONCE // num_samples))
 
@@ -131,8 +134,8 @@ def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
             part = keys[first : first + at_once]
             # filled up: another size would compile again
             filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
-            x = np.asarray(_simulated(fit.model, filled, num_samples))
-            rows += [host_wavelet_variance(record, fit.wv.num_scales) for record in x[: len(part)]]
+            x = np.asarray(_simulated(model, filled, num_samples))
+            rows += [host_wavelet_variance(record, num_levels) for record in x[: len(part)]]
         return np.stack(rows)
 
     return of_keys

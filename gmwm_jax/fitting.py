@@ -108,13 +108,7 @@ def fit(
     model = as_model(model)
     wv = as_wavelet_variance(data, "fit")
     rate = agreed_rate(wv.rate, rate)
-    if wv.efficiency is not None:
-        require_no_mean(model)
-    if model.num_free > wv.num_scales:
-        raise ValueError(
-            f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "
-            "take a longer record, a smaller model, or hold parameters."
-        )
+    require_fittable(model, wv)
     channels = [wv[i] for i in range(len(wv.channels))]
     if isinstance(omega, str) and omega not in STEPPED:
         names = ", ".join(f'"{name}"' for name in STEPPED)
@@ -122,7 +116,7 @@ def fit(
     weights = DEFAULT if omega is None else omega if isinstance(omega, str) else GIVEN
     if weights in STEPPED[1:]:
         require_theory(wv, f'Weights "{weights}"')
-    search = partial(_fit_channels, channels, model, rate=rate, key=key, level=level, weights=weights)
+    search = partial(fit_channels, channels, model, rate=rate, key=key, level=level, weights=weights)
     if weights == GIVEN:
         fits = search([given_weights(omega, channel) for channel in channels])
     else:
@@ -140,7 +134,18 @@ def fit(
     return fits[0] if wv.is_single else Fits(tuple(fits))
 
 
-def _fit_channels(
+def require_fittable(model: Composite, wv: WaveletVariance) -> None:
+    """Raise a ValueError if there are fewer scales than free parameters, or a drift in a robust wavelet variance."""
+    if wv.efficiency is not None:
+        require_no_mean(model)
+    if model.num_free > wv.num_scales:
+        raise ValueError(
+            f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "
+            "take a longer record, a smaller model, or hold parameters."
+        )
+
+
+def fit_channels(
     channels: list[WaveletVariance],
     model: Composite,
     omegas: list[Float[np.ndarray, "J J"]],

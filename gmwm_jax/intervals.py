@@ -52,27 +52,44 @@ def interval(
     ValueError
         Another kind; too few replicates for the level.
     """
-    ends = _ends(fit, good, _line, kind, level)
-    parameters = [(q, q.name in p.fixed) for p in fit.model.processes for q in p.parameters]
-
-    def back(end: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
-        return np.array(
-            [np.nan if held else float(q.from_line(e)) for (q, held), e in zip(parameters, end, strict=True)]
-        )
-
-    return back(ends[0]), back(ends[1])
+    return as_parameters(fit.model, *_ends(fit, good, line, kind, level))
 
 
 def continuous_intervals(
     fit: Fit, good: Float[np.ndarray, "G P"], kind: str, level: float, table: EstimateTable
 ) -> list[Estimate]:
     """The entries of a table of continuous-time quantities of a fit, with intervals from replicates."""
+    return in_table(fit, table, *_ends(fit, good, log_quantities(fit), kind, level))
+
+
+def as_parameters(
+    model: Composite, low: Float[np.ndarray, " P"], high: Float[np.ndarray, " P"]
+) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
+    """Both ends of intervals on the real line as parameters per sample; NaN for those that are held."""
+    parameters = [(q, q.name in p.fixed) for p in model.processes for q in p.parameters]
+
+    def back(end: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
+        return np.array(
+            [np.nan if held else float(q.from_line(e)) for (q, held), e in zip(parameters, end, strict=True)]
+        )
+
+    return back(low), back(high)
+
+
+def log_quantities(fit: Fit) -> LogQuantities:
+    """The logs of all continuous-time quantities of a fit."""
     forms = [CONTINUOUS[p.kind] for p in fit.model.processes]
-    quantities = tuple((*form.filter, *form.datasheet) for form in forms)
-    logs = LogQuantities(quantities, float(fit.rate or 0.0))
+    return LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), float(fit.rate or 0.0))
+
+
+def in_table(
+    fit: Fit, table: EstimateTable, low: Float[np.ndarray, " Q"], high: Float[np.ndarray, " Q"]
+) -> list[Estimate]:
+    """The entries of a table of continuous-time quantities, with intervals given for `log_quantities`."""
+    logs = log_quantities(fit)
     at_estimate = np.asarray(evaluate(logs, fit.model))
-    low, high = (np.exp(end - at_estimate) for end in _ends(fit, good, logs, kind, level))
-    names = [(label, q.symbol) for label, qs in zip(fit.model.labels, quantities, strict=True) for q in qs]
+    low, high = np.exp(low - at_estimate), np.exp(high - at_estimate)
+    names = [(label, q.symbol) for label, qs in zip(fit.model.labels, logs.quantities, strict=True) for q in qs]
     at = [names.index((e.component, e.symbol)) for e in table]
     return [replace(e, ci_low=e.value * low[i], ci_high=e.value * high[i]) for e, i in zip(table, at, strict=True)]
 
@@ -82,19 +99,20 @@ def replicates_needed(level: float) -> int:
     return int(np.ceil(2 * _IN_A_TAIL / (1 - confidence(level)) - 1e-9))
 
 
-def _line(model: Composite) -> Array:
+def line(model: Composite) -> Array:
+    """All parameters on the real line."""
     return model.unconstrained()
 
 
-def _on_the_line(fit: Fit, good: Float[np.ndarray, "G P"]) -> Float[np.ndarray, "G P"]:
+def on_the_line(model: Composite, good: Float[np.ndarray, "G P"]) -> Float[np.ndarray, "G P"]:
     """Replicates on the real line: -inf for an amplitude of zero, NaN for the shape of a process without amplitude."""
     columns, at = [], 0
     with np.errstate(divide="ignore"):
-        for p in fit.model.processes:
+        for p in model.processes:
             own = good[:, at : at + len(p.parameters)]
             for q, values in zip(p.parameters, own.T, strict=True):
-                line = np.asarray(q.to_line(jnp.asarray(values)))
-                columns.append(line if q is p.parameters[-1] else np.where(own[:, -1] > 0, line, np.nan))
+                x = np.asarray(q.to_line(jnp.asarray(values)))
+                columns.append(x if q is p.parameters[-1] else np.where(own[:, -1] > 0, x, np.nan))
             at += len(p.parameters)
     return np.stack(columns, axis=1)
 
@@ -111,9 +129,9 @@ def _ends(
             f"{len(good)} replicates are too few for {100 * level:g} % intervals, which take {needed}: "
             f"{_IN_A_TAIL} beyond each end."
         )
-    draws = _on_the_line(fit, good)
+    draws = on_the_line(fit.model, good)
     x = np.asarray(evaluate(quantity, fit.model))
-    spread = np.asarray(_replicated(quantity, fit.model, jnp.asarray(draws)))
+    spread = np.asarray(replicated(quantity, fit.model, jnp.asarray(draws)))
     with np.errstate(invalid="ignore"):
         if kind == "studentised":
             s, own = _errors(fit, quantity, draws)
@@ -138,7 +156,7 @@ def _quantiles(
 
 
 @partial(jax.jit, static_argnums=0)
-def _replicated(quantity: Callable[[Composite], Array], model: Composite, draws: Float[Array, "G P"]) -> Array:
+def replicated(quantity: Callable[[Composite], Array], model: Composite, draws: Float[Array, "G P"]) -> Array:
     """A quantity of each replicate."""
     return jax.vmap(lambda v: quantity(model.with_unconstrained(v)))(draws)
 

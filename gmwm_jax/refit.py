@@ -47,8 +47,7 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = 64) -
         Replicates estimated at once. It changes speed and memory, not the numbers.
     """
     problem = pose(fit.model, float(fit.wv.scales[-1]))
-    at = np.array([float(p.coordinate_from_shape(p.shape)) for p in problem.searched])
-    starts = starts_around(at, problem.bounds)
+    starts = starts_near(problem)
     width = (fit.wv.ci_high - fit.wv.ci_low) / fit.wv.variance
     root = np.linalg.cholesky(fit.omega).T
     parts = []
@@ -57,21 +56,25 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = 64) -
         # the last chunk is filled up: another size would compile again
         filled = np.concatenate([nu, np.repeat(nu[-1:], chunk_size - len(nu), axis=0)])
         if fit.weights in (DEFAULT, TWO_STEP):
-            found = _solve(problem, starts, filled, _diagonals(1 / (width * filled)), fit.wv.scales)
+            whitener = _diagonals(1 / (width * filled))
         else:
-            found = _solve(problem, starts, filled, np.broadcast_to(root, (chunk_size, *root.shape)), fit.wv.scales)
+            whitener = np.broadcast_to(root, (chunk_size, *root.shape))
+        found = solve_near(problem, starts, _whitened(whitener, filled), whitener, fit.wv.scales)
         if fit.weights == TWO_STEP:
             fitted = np.asarray(fitted_variances(problem.layout, problem.shapes, found.solution, fit.wv.scales))
             # without any variance at a scale there is no second step
             fitted = np.where(np.all(fitted > 0, axis=1, keepdims=True), fitted, filled)
-            found = _solve(problem, starts, filled, _diagonals(1 / (width * fitted)), fit.wv.scales)
+            whitener = _diagonals(1 / (width * fitted))
+            found = solve_near(problem, starts, _whitened(whitener, filled), whitener, fit.wv.scales)
         num = len(nu)
         parts.append(jax.tree.map(lambda leaf, num=num: leaf[:num], found))
     whole = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-    return Refits(_values(problem, whole.solution), whole.solution.objective, whole.converged)
+    return Refits(parameter_values(problem, whole.solution), whole.solution.objective, whole.converged)
 
 
-class _Found(NamedTuple):
+class Found(NamedTuple):
+    """Minima of B problems."""
+
     solution: Solution
     converged: Bool[np.ndarray, " B"]
 
@@ -80,20 +83,29 @@ def _diagonals(d: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J J"]:
     return d[:, :, None] * np.eye(d.shape[1])
 
 
+def starts_near(problem: Problem) -> Float[np.ndarray, "S K"]:
+    """Starts around the coordinates of the problem's own model."""
+    return starts_around(np.array([float(p.coordinate_from_shape(p.shape)) for p in problem.searched]), problem.bounds)
+
+
 def starts_around(at: Float[np.ndarray, " K"], bounds: Float[np.ndarray, "K 2"]) -> Float[np.ndarray, "S K"]:
     """Coordinates, and those with one of them moved."""
     moves = _MOVED * np.eye(len(at))
     return np.clip(np.concatenate([at[None], at + moves, at - moves]), *bounds.T)
 
 
-def _solve(
+def _whitened(whitener: Float[np.ndarray, "B J J"], nu: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J"]:
+    return np.einsum("bij,bj->bi", whitener, nu)
+
+
+def solve_near(
     problem: Problem,
     starts: Float[np.ndarray, "S K"],
-    nu: Float[np.ndarray, "B J"],
+    y: Float[np.ndarray, "B J"],
     whitener: Float[np.ndarray, "B J J"],
     tau: Float[np.ndarray, " J"],
-) -> _Found:
-    y = np.einsum("bij,bj->bi", whitener, nu)
+) -> Found:
+    """The lowest minima of B problems that descents from the starts lead to: whitened wavelet variances y, L'."""
     unit = np.max(np.abs(y), axis=1) / SIZE
     found = _minimise_all(
         problem.layout,
@@ -107,7 +119,7 @@ def _solve(
     )
     found = jax.tree.map(np.asarray, found)
     converged = np.isfinite(found.objective) & (found.slope <= smallest_slope(found.objective))
-    return _Found(found._replace(objective=found.objective * unit**2), converged)
+    return Found(found._replace(objective=found.objective * unit**2), converged)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -135,7 +147,7 @@ def fitted_variances(layout: Layout, shapes: Any, solution: Solution, tau: Any) 
     return total
 
 
-def _values(problem: Problem, solution: Solution) -> Float[np.ndarray, "B P"]:
+def parameter_values(problem: Problem, solution: Solution) -> Float[np.ndarray, "B P"]:
     """Parameters in the order of the model."""
     columns, times = [], []
     for i, p in enumerate(problem.processes):

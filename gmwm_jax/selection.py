@@ -18,7 +18,7 @@ from jaxtyping import Float
 from gmwm_jax._check import confidence, integer, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.bootstrapping import draw_variances
+from gmwm_jax.bootstrapping import variance_draws
 from gmwm_jax.candidates import Candidate, Selection, Selections
 from gmwm_jax.criterion import optimism, projection, standard_error
 from gmwm_jax.fitting import fit
@@ -137,7 +137,7 @@ def _select(
     projections = [projection(L @ tangents(f)) for f in fits]
     residuals = [f.whitened_residuals for f in fits]
     if num_replicates:
-        lacks = _optimism_of_replicates(whole, swept, num_replicates, key, progress)
+        lacks = _optimism_of_replicates(whole, V, swept, num_replicates, key, progress)
     else:
         lacks = np.array([optimism(P, S) for P in projections])
     names = [text_of(Composite([superset.processes[i] for i in s])) for s in subsets]
@@ -170,10 +170,12 @@ def _select(
     return Selection(whole, tuple(candidates), whole.level, num_replicates)
 
 
-def _optimism_of_replicates(whole: Fit, swept: Sweep, num: int, key: Any, progress: bool) -> Float[np.ndarray, " M"]:
+def _optimism_of_replicates(
+    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: bool
+) -> Float[np.ndarray, " M"]:
     """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num, dtype=jnp.uint32))
-    nu = draw_variances(whole)(keys)
+    nu = variance_draws(whole.fitted, V)(keys)
     bar = progress_bar(len(swept.fits) * num, "fit", progress)
     try:
         fitted = resweep(swept, nu, bar.update)

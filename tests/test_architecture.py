@@ -31,8 +31,9 @@ GMWM_JAX = """
     outliers
     result goodness allan fitting refit intervals replicates _progress bootstrapping
     submodels sweep criterion candidates selection
+    records joint joint_fitting joint_refit resampling record_comparison stationarity cross_validation
     whitening regressors regression
-    plot plot_bootstrap plot_selection demo cli_parts cli __main__
+    plot plot_bootstrap plot_selection plot_records demo cli_parts cli __main__
     __init__
 """
 NAV_JAX = """
@@ -56,17 +57,8 @@ ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
 """From low to high, files of each package. A file that does not exist (yet) is no error."""
 
 LEAVES = (
-    "plot",
-    "plot_bootstrap",
-    "plot_selection",
-    "plot_runs",
-    "config_sections",
-    "config",
-    "report",
-    "demo",
-    "cli_parts",
-    "cli",
-    "__main__",
+    *("plot", "plot_bootstrap", "plot_selection", "plot_records", "plot_runs"),
+    *("config_sections", "config", "report", "demo", "cli_parts", "cli", "__main__"),
 )
 """Imported by nobody but other leaves; `plot...` also inside methods."""
 

@@ -9,7 +9,7 @@ from helpers import SIGMAS, assert_covariance, assert_mean
 
 import gmwm_jax as gj
 from gmwm_jax import bootstrapping as module
-from gmwm_jax.bootstrapping import draw_variances
+from gmwm_jax.bootstrapping import variance_draws
 from gmwm_jax.refit import refit
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
@@ -43,7 +43,7 @@ def boot(fit):
 def test_variances_are_drawn_from_their_theory(fit):
     """Means and variances exactly, correlations as far as a Gaussian copula keeps them: to 0.05."""
     keys = jax.random.split(jax.random.key(1), 20_000)
-    nu, V = draw_variances(fit)(keys), fit.wv_covariance
+    nu, V = variance_draws(fit.fitted, fit.wv_covariance)(keys), fit.wv_covariance
     assert_mean(nu, fit.fitted)
     assert_covariance(nu, nu, np.diag(V), mean_a=fit.fitted, mean_b=fit.fitted)
     sd = np.sqrt(np.diag(V))
@@ -104,7 +104,7 @@ def test_intervals_cover_and_the_test_has_its_size():
     exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
     first = gj.fit(exact, "WN + GM", omega="two-step")
     true = replace(first, model=TRUTH)
-    nu = draw_variances(true)(jax.random.split(jax.random.key(9), num))
+    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(9), num))
     fits = gj.fit(as_channels(exact, nu), "WN + GM", omega="two-step")
     inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
     truth = np.array([1.0, 0.03, 0.2])

@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 
 import gmwm_jax as gj
 from gmwm_jax import sweep as module
-from gmwm_jax.bootstrapping import draw_variances
+from gmwm_jax.bootstrapping import variance_draws
 from gmwm_jax.selection import tangents
 from gmwm_jax.submodels import common_superset, submodels, text_of
 
@@ -28,7 +28,8 @@ def drawn(truth, num, seed):
     x = gj.simulate("WN(sigma2=1.0)", NUM_SAMPLES, key=jax.random.key(0))
     wv = gj.wavelet_variance(np.asarray(x), rate=100.0)
     kinds = " + ".join(p.kind for p in truth.processes)
-    nu = draw_variances(replace(gj.fit(wv, kinds), model=truth))(jax.random.split(jax.random.key(seed), num))
+    true = replace(gj.fit(wv, kinds), model=truth)
+    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(seed), num))
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     columns = (nu.T, (nu * low).T, (nu * high).T)
     names = tuple(str(i) for i in range(num))
