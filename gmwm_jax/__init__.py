@@ -32,7 +32,7 @@ from gmwm_jax.candidates import Candidate as Candidate
 from gmwm_jax.candidates import Selection as Selection
 from gmwm_jax.candidates import Selections as Selections
 from gmwm_jax.cross_validation import CrossValidation as CrossValidation
-from gmwm_jax.cross_validation import Prediction as Prediction
+from gmwm_jax.cross_validation import ModelScore as ModelScore
 from gmwm_jax.cross_validation import cross_validate as cross_validate
 from gmwm_jax.datasheet import from_datasheet as from_datasheet
 from gmwm_jax.estimates import Estimate as Estimate
@@ -67,8 +67,8 @@ from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
 from gmwm_jax.processes.sinusoid import SIN as SIN
 from gmwm_jax.processes.white_noise import WN as WN
+from gmwm_jax.record_comparison import ParameterSpread as ParameterSpread
 from gmwm_jax.record_comparison import RecordComparison as RecordComparison
-from gmwm_jax.record_comparison import Spread as Spread
 from gmwm_jax.record_comparison import compare_records as compare_records
 from gmwm_jax.recording import Recording as Recording
 from gmwm_jax.regression import Coefficient as Coefficient

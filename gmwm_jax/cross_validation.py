@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class ModelScore:
     """How well one model predicts records left out.
 
     Attributes
@@ -65,12 +65,12 @@ class Prediction:
 
 
 @dataclass(frozen=True, repr=False)
-class CrossValidation(Mapping[str, Prediction]):
+class CrossValidation(Mapping[str, ModelScore]):
     """A comparison of models by records left out; ``cv["WN + GM"]`` is the row of a model, the best first.
 
     Attributes
     ----------
-    predictions
+    scores
         A row a model, by score.
     fits
         Joint fits to all records, in the same order.
@@ -84,7 +84,7 @@ class CrossValidation(Mapping[str, Prediction]):
         Confidence of "equivalent".
     """
 
-    predictions: tuple[Prediction, ...]
+    scores: tuple[ModelScore, ...]
     fits: tuple[JointFit, ...]
     left_out: Float[np.ndarray, "M R"]
     splits: Bool[np.ndarray, "B R"]
@@ -92,21 +92,21 @@ class CrossValidation(Mapping[str, Prediction]):
     level: float
 
     @property
-    def recommended(self) -> Prediction:
+    def recommended(self) -> ModelScore:
         """The equivalent model with the fewest parameters, the better one of two."""
-        return min((p for p in self.predictions if p.equivalent), key=lambda p: (p.num_parameters, p.score))
+        return min((p for p in self.scores if p.equivalent), key=lambda p: (p.num_parameters, p.score))
 
-    def __getitem__(self, model: str) -> Prediction:
-        for p in self.predictions:
+    def __getitem__(self, model: str) -> ModelScore:
+        for p in self.scores:
             if p.model == model:
                 return p
         raise KeyError(f"No model {model!r}; there are {', '.join(self)}.")
 
     def __iter__(self):
-        return (p.model for p in self.predictions)
+        return (p.model for p in self.scores)
 
     def __len__(self) -> int:
-        return len(self.predictions)
+        return len(self.scores)
 
     def __repr__(self) -> str:
         """A row a model, the best first."""
@@ -120,11 +120,11 @@ class CrossValidation(Mapping[str, Prediction]):
                 *(number(x, 3) for x in (p.error, p.difference, p.difference_error)),
                 "recommended" if p is chosen else "equivalent" if p.equivalent else "",
             ]
-            for p in self.predictions
+            for p in self.scores
         ]
         B, R = self.splits.shape
         sets = f"all {B}" if self.exact else f"{B} random"
-        failed = sum(p.num_failed for p in self.predictions)
+        failed = sum(p.num_failed for p in self.scores)
         note = f"; {failed} searches did not converge" if failed else ""
         return (
             f"Cross-validation over {R} records of {self.fits[0].wv.channels[0]}, {sets} splits: estimated from "
@@ -244,12 +244,12 @@ def _compare(
     def error(of_records: Float[np.ndarray, " R"]) -> float:
         return num_left * float(of_records.std(ddof=1) / np.sqrt(R))
 
-    predictions = []
+    rows = []
     for text in order:
         difference = scores[text] - best
         to_best, its_error = num_left * float(difference.mean()), error(difference)
-        predictions.append(
-            Prediction(
+        rows.append(
+            ModelScore(
                 model=text,
                 num_parameters=fits[text].model.num_free,
                 score=num_left * float(scores[text].mean()),
@@ -261,9 +261,7 @@ def _compare(
             )
         )
     ordered = tuple(fits[text] for text in order)
-    return CrossValidation(
-        tuple(predictions), ordered, np.stack([scores[text] for text in order]), splits, exact, level
-    )
+    return CrossValidation(tuple(rows), ordered, np.stack([scores[text] for text in order]), splits, exact, level)
 
 
 def _text(model: Composite) -> str:

@@ -175,13 +175,13 @@ def plot_cross_validation(cv: CrossValidation) -> Figure:
     """
     figure, ax = plt.subplots(figsize=(6.4, 0.9 + 0.42 * len(cv)), layout="constrained")
     chosen = cv.recommended
-    for y, p in enumerate(cv.predictions):
+    for y, p in enumerate(cv.scores):
         colour = _FIT if p is chosen else _DRAWS if p.equivalent else "0.55"
         ax.errorbar(p.difference, y, xerr=p.difference_error, fmt="o", color=colour, capsize=3, ms=5)
-    ax.set_yticks(range(len(cv)), [f"{p.model} ({p.num_parameters})" for p in cv.predictions])
+    ax.set_yticks(range(len(cv)), [f"{p.model} ({p.num_parameters})" for p in cv.scores])
     ax.invert_yaxis()
     ax.axvline(0, color="0.4", lw=0.8)
-    positive = [p.difference for p in cv.predictions if p.difference > 0]
+    positive = [p.difference for p in cv.scores if p.difference > 0]
     if positive and max(positive) > 100 * min(positive):
         smallest = 10.0 ** math.floor(math.log10(min(positive)))
         ax.set_xscale("symlog", linthresh=smallest)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Spread:
+class ParameterSpread:
     """How one parameter differs between records, on the real line (log; logit for phi).
 
     Attributes
@@ -87,7 +87,7 @@ class RecordComparison:
     joint: JointFit
     estimates: Float[np.ndarray, "R A"]
     covariances: Float[np.ndarray, "R A A"]
-    spreads: tuple[Spread, ...]
+    spreads: tuple[ParameterSpread, ...]
     statistic: float
     dof: int
     p_value: float
@@ -104,7 +104,7 @@ class RecordComparison:
         seen = np.atleast_2d(np.cov(self.estimates[complete], rowvar=False))
         return seen - self.covariances[complete].mean(axis=0)
 
-    def __getitem__(self, key: tuple[str, str]) -> Spread:
+    def __getitem__(self, key: tuple[str, str]) -> ParameterSpread:
         for s in self.spreads:
             if (s.component, s.symbol) == key:
                 return s
@@ -232,17 +232,17 @@ def _statistic(x: Float[np.ndarray, "C A"], covariances: Float[np.ndarray, "C A 
     return float(np.einsum("ra,rab,rb->", x - mean, weights, x - mean))
 
 
-def _spread(label: str, q: Parameter, x: Float[np.ndarray, " R"], variance: Float[np.ndarray, " R"]) -> Spread:
+def _spread(label: str, q: Parameter, x: Float[np.ndarray, " R"], variance: Float[np.ndarray, " R"]) -> ParameterSpread:
     seen: Bool[np.ndarray, " R"] = np.isfinite(x)
     num = int(seen.sum())
     num_left_out = len(x) - num
     if num < 2:
         none = np.nan
-        return Spread(label, q.name, none, none, none, none, none, 0, none, none, num_left_out)
+        return ParameterSpread(label, q.name, none, none, none, none, none, 0, none, none, num_left_out)
     x, w = x[seen], 1 / variance[seen]
     Q = _statistic(x[:, None], variance[seen][:, None, None])
     left = (Q - (num - 1)) / (w.sum() - (w**2).sum() / w.sum())
-    return Spread(
+    return ParameterSpread(
         label,
         q.name,
         float(q.from_line(x.min())),

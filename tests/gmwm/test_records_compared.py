@@ -53,7 +53,7 @@ def varied():
 
 
 @pytest.fixture(scope="module")
-def test_of_same(joint):
+def same_test(joint):
     return gj.near_stationarity(joint, 300, key=jax.random.key(4))
 
 
@@ -146,13 +146,13 @@ def test_size_and_power():
 # -- near-stationarity ------------------------------------------------------------------------------------------------
 
 
-def test_share_of_objectives(joint, test_of_same):
+def test_share_of_objectives(joint, same_test):
     """The p-value counts the data in; a replicate is a joint fit of its own records, with weights of their own."""
-    at_least = np.sum(test_of_same.objective >= joint.objective)
-    assert test_of_same.p_value == (1 + at_least) / 301
-    assert test_of_same.p_value > 0.01
-    assert "p = " in str(test_of_same)
-    assert test_of_same.plot().axes[0].get_xlabel() == "joint objective"
+    at_least = np.sum(same_test.objective >= joint.objective)
+    assert same_test.p_value == (1 + at_least) / 301
+    assert same_test.p_value > 0.01
+    assert "p = " in str(same_test)
+    assert same_test.plot().axes[0].get_xlabel() == "joint objective"
 
 
 @pytest.mark.parametrize("omega", [None, "two-step"])
@@ -175,17 +175,17 @@ def test_a_replicate_is_a_joint_fit(records, omega):
         assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", omega=omega).objective, rel=1e-6)
 
 
-def test_both_routes_agree(joint, test_of_same):
+def test_both_routes_agree(joint, same_test):
     """The distribution of the objective (Kolmogorov & Smirnov, p > 1e-5)."""
     slow = gj.near_stationarity(joint, 60, key=jax.random.key(8), route="records")
     assert slow.num_failed == 0
-    assert stats.ks_2samp(slow.objective, test_of_same.objective).pvalue > 1e-5
+    assert stats.ks_2samp(slow.objective, same_test.objective).pvalue > 1e-5
     assert slow.objective.std() > 0.3 * slow.objective.mean() / np.sqrt(20)
 
 
-def test_replicates_depend_on_their_key_alone(joint, test_of_same):
+def test_replicates_depend_on_their_key_alone(joint, same_test):
     few = gj.near_stationarity(joint, 70, key=jax.random.key(4))
-    np.testing.assert_allclose(few.objective, test_of_same.objective[:70], rtol=1e-6)
+    np.testing.assert_allclose(few.objective, same_test.objective[:70], rtol=1e-6)
 
 
 def test_an_interrupt_returns_what_is_done(joint, monkeypatch):
@@ -244,7 +244,7 @@ def test_the_truth_is_recommended(cv):
     assert not cv["WN"].equivalent
     assert "WN + GM  " in str(cv)
     assert "recommended" in str(cv)
-    assert [p.score for p in cv.predictions] == sorted(p.score for p in cv.predictions)
+    assert [p.score for p in cv.scores] == sorted(p.score for p in cv.scores)
     assert len(cv.plot().axes[0].get_yticklabels()) == 2
     with pytest.raises(KeyError, match="No model 'RW'; there are"):
         cv["RW"]
