@@ -1,9 +1,9 @@
 """Parametric bootstrap: how estimates scatter where the fitted model is the truth (Efron & Tibshirani 1993).
 
 Two ways to the wavelet variance of a replicate. ``records`` simulates a record (from stationarity) and takes its
-wavelet variance. ``variances`` draws the wavelet variance itself, from scaled chi-square margins with the mean and
-variance of theory, eta_j = 2 nu_j^2/V_jj degrees of freedom, joined by a Gaussian copula with the correlations of V: it
-needs no record, and for a long one next to no time.
+wavelet variance, leaving out the samples that are missing in the data. ``variances`` draws the wavelet variance itself,
+from scaled chi-square margins with the mean and variance of theory, eta_j = 2 nu_j^2/V_jj degrees of freedom, joined by
+a Gaussian copula with the correlations of V: it needs no record, and for a long one next to no time.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from scipy.special import gammaincinv, ndtr
 from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
+from gmwm_jax.pairs import find_pairs, gap_wavelet_variance
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.refit import Refits, refit
 from gmwm_jax.replicates import RECORDS, VARIANCES, Bootstrap
@@ -88,7 +89,10 @@ def bootstrap(
     try:
         for first in range(0, num_replicates, _CHUNK):
             nu = draw(keys[first : first + _CHUNK])
-            done.append((nu, refit(fit, nu, _CHUNK)))
+            # by pairs a variance may be negative by chance: such a replicate is a failure
+            good = np.all(nu > 0, axis=1)
+            found = refit(fit, np.where(good[:, None], nu, fit.fitted), _CHUNK)
+            done.append((nu, found._replace(converged=found.converged & good)))
             bar.update(len(nu))
     except KeyboardInterrupt:
         if not done:
@@ -124,6 +128,12 @@ def _normal(keys: Any, num: int) -> Any:
 def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
     """A function of keys that simulates records and takes their wavelet variances."""
     at_once = max(1, min(_CHUNK, _SAMPLES_AT_ONCE // num_samples))
+    pairs = None if fit.wv.present is None else find_pairs(fit.wv.present, fit.wv.num_scales)
+
+    def variance_of(record: np.ndarray) -> np.ndarray:
+        if pairs is None:
+            return host_wavelet_variance(record, fit.wv.num_scales)
+        return gap_wavelet_variance(record[None], pairs)[0]
 
     def of_keys(keys: Any) -> np.ndarray:
         rows = []
@@ -132,7 +142,7 @@ def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
             # filled up: another size would compile again
             filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
             x = np.asarray(_simulated(fit.model, filled, num_samples))
-            rows += [host_wavelet_variance(record, fit.wv.num_scales) for record in x[: len(part)]]
+            rows += [variance_of(record) for record in x[: len(part)]]
         return np.stack(rows)
 
     return of_keys

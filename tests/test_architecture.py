@@ -22,13 +22,13 @@ GMWM_JAX = """
     processes/registry
     continuous units
     simulation datasheet
-    wavelet wavelet_host robust
+    wavelet wavelet_host robust pairs
     _columns _files _known_files _sensors _text _timebase
     recording io datasets
     variance
     _nnls start estimate problem
-    wv_covariance inference estimates weights
-    outliers
+    wv_covariance gap_covariance inference estimates weights
+    outliers cleaning
     result goodness allan fitting refit intervals replicates _progress bootstrapping
     whitening regressors regression
     plot plot_bootstrap demo cli __main__
