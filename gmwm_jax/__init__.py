@@ -28,6 +28,8 @@ from gmwm_jax.allan import allan_deviation as allan_deviation
 from gmwm_jax.allan import read_off as read_off
 from gmwm_jax.allan import slope_regression as slope_regression
 from gmwm_jax.bootstrapping import bootstrap as bootstrap
+from gmwm_jax.cleaning import OutliersMasked as OutliersMasked
+from gmwm_jax.cleaning import mask_outliers as mask_outliers
 from gmwm_jax.datasheet import from_datasheet as from_datasheet
 from gmwm_jax.estimates import Estimate as Estimate
 from gmwm_jax.estimates import EstimateTable as EstimateTable

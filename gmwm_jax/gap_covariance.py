@@ -21,7 +21,7 @@ from collections.abc import Iterable, Iterator
 import jax
 import numpy as np
 from jaxtyping import Float
-from scipy import fft
+from numpy import fft
 
 from gmwm_jax.pairs import Pairs, find_pairs, quadratic_forms_times
 from gmwm_jax.processes._base import AbstractProcess, Composite

@@ -28,7 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
-from scipy import fft
+from numpy import fft
+from scipy.fft import next_fast_len
 
 from gmwm_jax._check import present_samples
 from gmwm_jax.wavelet import check_num_levels, degrees_of_freedom, scales
@@ -146,7 +147,7 @@ def find_pairs(present: Bool[np.ndarray, " N"], num_levels: int | None = None) -
         Fewer than 4 samples; a J that is too large, or with a lag below 2^J that has no pair.
     """
     J, num = check_num_levels(int(np.sum(present)), num_levels), len(present)
-    size = 2 * fft.next_fast_len((num + 2**J + 1) // 2, real=True)
+    size = 2 * next_fast_len((num + 2**J + 1) // 2, real=True)  # type: ignore[operator]
     spectrum = fft.rfft(present.astype(np.float64), size)
     counts = np.rint(fft.irfft(np.abs(spectrum) ** 2, size)[: 2**J])
     unseen = np.flatnonzero(counts == 0)

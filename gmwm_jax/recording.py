@@ -212,7 +212,9 @@ class Recording:
     def __repr__(self) -> str:
         head = ["channel", "unit", "mean", "std"]
         pairs = zip(self.items(), self.units, strict=True)
-        rows = [[name, unit, number(np.nanmean(x), 6), number(np.nanstd(x), 6)] for (name, x), unit in pairs]
+        rows = [
+            [name, unit, number(float(np.nanmean(x)), 6), number(float(np.nanstd(x)), 6)] for (name, x), unit in pairs
+        ]
         if self.gaps:
             head.append("missing")
             rows = [[*row, str(count)] for row, count in zip(rows, self.num_missing.values(), strict=True)]
