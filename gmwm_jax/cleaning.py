@@ -138,7 +138,7 @@ def mask_outliers(recording: Recording, *, chance: float = 0.05, max_share: floa
         if share > max_share:
             raise ValueError(
                 f"{100 * share:.3g} % of the samples of {name!r} stand out, and max_share allows {100 * max_share:g} "
-                "%: these are no outliers in noise. Its size may change over the record (vibration, temperature), or the "
+                "%: these are no outliers in noise. It may change its size (vibration, temperature), or the "
                 "record has many large steps: cut it to its undisturbed part, or raise max_share."
             )
         runs[name] = _runs(size)
