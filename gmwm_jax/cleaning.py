@@ -18,6 +18,7 @@ what is taken, and it is a scale also where three quarters of them are zero.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -92,13 +93,13 @@ class OutliersMasked:
         return "\n".join(lines)
 
 
-def mask_outliers(recording: Recording, *, chance: float = 0.05, max_share: float = 0.1) -> OutliersMasked:
+def mask_outliers(recording: Any, *, chance: float = 0.05, max_share: float = 0.1) -> OutliersMasked:
     """Mark outlying samples of each channel as missing.
 
     Parameters
     ----------
     recording
-        Of any number of channels, each judged alone. Its gaps stay gaps.
+        A `Recording` of any number of channels, each judged alone. Its gaps stay gaps.
     chance
         That a clean channel of Gaussian white noise has any sample masked: smaller masks less.
     max_share
