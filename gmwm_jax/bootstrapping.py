@@ -19,11 +19,10 @@ from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.pairs import find_pairs, gap_wavelet_variance
-from gmwm_jax.processes._base import Composite
 from gmwm_jax.refit import Refits, refit
 from gmwm_jax.replicates import RECORDS, VARIANCES, Bootstrap
 from gmwm_jax.result import Fit
-from gmwm_jax.simulation import simulate
+from gmwm_jax.simulation import simulate_each
 from gmwm_jax.wavelet_host import host_wavelet_variance
 from gmwm_jax.weights import require_theory
 
@@ -141,13 +140,8 @@ def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
             part = keys[first : first + at_once]
             # filled up: another size would compile again
             filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
-            x = np.asarray(_simulated(fit.model, filled, num_samples))
+            x = np.asarray(simulate_each(fit.model, filled, num_samples))
             rows += [variance_of(record) for record in x[: len(part)]]
         return np.stack(rows)
 
     return of_keys
-
-
-@partial(jax.jit, static_argnums=2)
-def _simulated(model: Composite, keys: Any, num_samples: int) -> Any:
-    return jax.vmap(lambda key: simulate(model, num_samples, key=key))(keys)

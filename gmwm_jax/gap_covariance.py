@@ -24,9 +24,9 @@ from jaxtyping import Float
 from numpy import fft
 
 from gmwm_jax.pairs import Pairs, find_pairs, quadratic_forms_times
-from gmwm_jax.processes._base import AbstractProcess, Composite
+from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.drift import DR
-from gmwm_jax.simulation import simulate
+from gmwm_jax.simulation import simulate_each
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wv_covariance import wv_covariance
 
@@ -75,7 +75,10 @@ def gap_covariance(model: Composite, pairs: Pairs) -> Float[np.ndarray, "J J"]:
     noise = Composite(noises)
     root = _root_of_spectrum(noise, pairs.size)
     V = np.asarray(wv_covariance(noise, num, J))
-    of_mean = sum((4 * _gram(quadratic_forms_times(_draws(p, num, 1), pairs), root) for p in drifts), np.zeros((J, J)))
+    of_mean = sum(
+        (4 * _gram(quadratic_forms_times(_draws(Composite([p]), num, 1), pairs), root) for p in drifts),
+        np.zeros((J, J)),
+    )
     sd = np.sqrt(np.diag(V))
     if np.any(sd == 0):  # no noise at some scale
         return of_mean
@@ -90,9 +93,8 @@ def gap_covariance(model: Composite, pairs: Pairs) -> Float[np.ndarray, "J J"]:
     return (T @ (with_gaps / unit) @ T.T) * unit + of_mean
 
 
-def _draws(model: AbstractProcess | Composite, num: int, count: int) -> Float[np.ndarray, "B N"]:
-    keys = jax.random.split(jax.random.key(0), count)
-    return np.stack([np.asarray(simulate(model, num, key=key)) for key in keys])
+def _draws(model: Composite, num: int, count: int) -> Float[np.ndarray, "B N"]:
+    return np.asarray(simulate_each(model, jax.random.split(jax.random.key(0), count), num))
 
 
 def _root_of_spectrum(noise: Composite, size: int) -> Float[np.ndarray, " F"]:
