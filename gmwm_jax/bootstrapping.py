@@ -129,10 +129,12 @@ def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
     at_once = max(1, min(_CHUNK, _SAMPLES_AT_ONCE // num_samples))
     pairs = None if fit.wv.present is None else find_pairs(fit.wv.present, fit.wv.num_scales)
 
-    def variance_of(record: np.ndarray) -> np.ndarray:
+    some = max(1, at_once // 16)  # transforms take more memory than the records
+
+    def variances_of(x: np.ndarray) -> list[np.ndarray]:
         if pairs is None:
-            return host_wavelet_variance(record, fit.wv.num_scales)
-        return gap_wavelet_variance(record[None], pairs)[0]
+            return [host_wavelet_variance(record, fit.wv.num_scales) for record in x]
+        return [nu for first in range(0, len(x), some) for nu in gap_wavelet_variance(x[first : first + some], pairs)]
 
     def of_keys(keys: Any) -> np.ndarray:
         rows = []
@@ -141,7 +143,7 @@ def _records(fit: Fit, num_samples: int) -> Callable[[Any], np.ndarray]:
             # filled up: another size would compile again
             filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
             x = np.asarray(simulate_each(fit.model, filled, num_samples))
-            rows += [variance_of(record) for record in x[: len(part)]]
+            rows += variances_of(x[: len(part)])
         return np.stack(rows)
 
     return of_keys
