@@ -31,6 +31,8 @@ from gmwm_jax.bootstrapping import bootstrap as bootstrap
 from gmwm_jax.candidates import Candidate as Candidate
 from gmwm_jax.candidates import Selection as Selection
 from gmwm_jax.candidates import Selections as Selections
+from gmwm_jax.cleaning import OutliersMasked as OutliersMasked
+from gmwm_jax.cleaning import mask_outliers as mask_outliers
 from gmwm_jax.cross_validation import CrossValidation as CrossValidation
 from gmwm_jax.cross_validation import ModelScore as ModelScore
 from gmwm_jax.cross_validation import cross_validate as cross_validate

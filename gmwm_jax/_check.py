@@ -42,8 +42,22 @@ def finite_record(x: np.ndarray, what: str = "the record") -> None:
     where = f"index {first[0]}" + (f", channel {first[1]}" if len(first) > 1 else "")
     raise ValueError(
         f"{what} holds {len(bad)} values that are NaN or infinite, the first ({x[first]}) at {where}. "
-        "Cut the record there or repair the samples: a gap that is closed silently changes every scale."
+        "Cut the record there or repair the samples: a gap that is closed silently changes every scale. If NaN marks "
+        'missing samples, say so: gaps=True for a recording, gaps="pairs" for wavelet_variance.'
     )
+
+
+def present_samples(x: np.ndarray, what: str = "the record") -> np.ndarray:
+    """Return where a record of one channel is not NaN, or raise if it is infinite somewhere, or NaN everywhere."""
+    present = ~np.isnan(x)
+    infinite = np.flatnonzero(np.isinf(x))
+    if len(infinite):
+        raise ValueError(
+            f"{what} is infinite at {len(infinite)} samples, the first at index {infinite[0]}. NaN is missing."
+        )
+    if not np.any(present):
+        raise ValueError(f"All {len(x)} samples of {what} are missing.")
+    return present
 
 
 def time_first(samples: int, channels: int) -> None:

@@ -19,13 +19,13 @@ from gmwm_jax._check import agreed_rate, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.continuous import CONTINUOUS
 from gmwm_jax.estimates import Estimate, EstimateTable
+from gmwm_jax.gap_covariance import covariance_under
 from gmwm_jax.inference import normal_quantile
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.recording import Recording
 from gmwm_jax.units import from_continuous
 from gmwm_jax.variance import WaveletVariance, as_wavelet_variance
-from gmwm_jax.wv_covariance import wv_covariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -220,12 +220,10 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
         processes.append(build(*from_continuous(kind, (filter_value,), f)))
     model = Composite(processes)
 
-    correlated = None
-    if adev.wv.num_samples is not None and adev.wv.has_theory:
-        nu = np.asarray(model.wavelet_variance(adev.wv.scales))
-        # log deviation = log(nu)/2 + const
-        V = wv_covariance(model, adev.wv.num_samples, adev.wv.num_scales, efficiency=adev.wv.efficiency)
-        correlated = np.asarray(V) / np.outer(nu, nu) / 4
+    nu = np.asarray(model.wavelet_variance(adev.wv.scales))
+    V = covariance_under(model, adev.wv)
+    # log deviation = log(nu)/2 + const
+    correlated = None if V is None else V / np.outer(nu, nu) / 4
     z, estimates = normal_quantile(adev.wv.level), []
     for kind, value in coefficients.items():
         w = chosen[kind] / np.sum(chosen[kind])

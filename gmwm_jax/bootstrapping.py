@@ -1,38 +1,24 @@
 """Parametric bootstrap: how estimates scatter where the fitted model is the truth (Efron & Tibshirani 1993).
 
-Two ways to the wavelet variance of a replicate. ``records`` simulates a record (from stationarity) and takes its
-wavelet variance. ``variances`` draws the wavelet variance itself, from scaled chi-square margins with the mean and
-variance of theory, eta_j = 2 nu_j^2/V_jj degrees of freedom, joined by a Gaussian copula with the correlations of V: it
-needs no record, and for a long one next to no time.
+The wavelet variances of the replicates are those of simulated records, or drawn from their distribution, see
+`gmwm_jax.draws`.
 """
-
-from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from scipy.special import gammaincinv, ndtr
 
 from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.processes._base import Composite
+from gmwm_jax.draws import record_draws, variance_draws
 from gmwm_jax.refit import Refits, refit
 from gmwm_jax.replicates import RECORDS, VARIANCES, Bootstrap
 from gmwm_jax.result import Fit
-from gmwm_jax.simulation import simulate
-from gmwm_jax.wavelet_host import host_wavelet_variance
 from gmwm_jax.weights import require_theory
 
 _CHUNK = 64
 """Replicates refitted at once."""
-_SAMPLES_AT_ONCE = 4_000_000
-"""Of simulated records: 32 MB for each component of the model."""
-_SMALLEST_SHAPE = 0.1
-"""Half the degrees of freedom below which a chi-square variable is mostly zero."""
 
 
 def bootstrap(
@@ -75,7 +61,7 @@ def bootstrap(
     num_replicates = integer("num_replicates", num_replicates, 1)
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
-    num_samples = require_theory(fit.wv, "Replicates")
+    require_theory(fit.wv, "Replicates")
     if route == RECORDS and fit.wv.efficiency is not None:
         raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
     if route == VARIANCES and fit.wv_covariance is None:
@@ -86,13 +72,16 @@ def bootstrap(
     if route == VARIANCES:
         draw = variance_draws(fit.fitted, np.asarray(fit.wv_covariance))
     else:
-        draw = record_draws(fit.model, num_samples, fit.wv.num_scales)
+        draw = record_draws(fit.model, fit.wv)
     done: list[tuple[np.ndarray, Refits]] = []
     bar = progress_bar(num_replicates, "replicate", progress)
     try:
         for first in range(0, num_replicates, _CHUNK):
             nu = draw(keys[first : first + _CHUNK])
-            done.append((nu, refit(fit, nu, _CHUNK)))
+            # by pairs a variance may be negative by chance: such a replicate is a failure
+            good = np.all(nu > 0, axis=1)
+            found = refit(fit, np.where(good[:, None], nu, fit.fitted), _CHUNK)
+            done.append((nu, found._replace(converged=found.converged & good)))
             bar.update(len(nu))
     except KeyboardInterrupt:
         if not done:
@@ -102,45 +91,3 @@ def bootstrap(
     nu = np.concatenate([nu for nu, _ in done])
     refits = Refits(*(np.concatenate(leaves) for leaves in zip(*(r for _, r in done), strict=True)))
     return Bootstrap(fit, route, nu, *refits, num_requested=num_replicates)
-
-
-def variance_draws(nu: Float[np.ndarray, " J"], V: Float[np.ndarray, "J J"]) -> Callable[[Any], np.ndarray]:
-    """A function of keys that draws wavelet variances with this mean and covariance, as the module says."""
-    sd = np.sqrt(np.diag(V))
-    # a symmetric root serves also where V is singular to rounding
-    roots, vectors = np.linalg.eigh(V / np.outer(sd, sd))
-    root = vectors * np.sqrt(np.maximum(roots, 0.0)) @ vectors.T
-    shape = np.maximum(nu**2 / sd**2, _SMALLEST_SHAPE)
-
-    def of_keys(keys: Any) -> np.ndarray:
-        uniform = ndtr(np.asarray(_normal(keys, len(nu))) @ root)
-        return nu * gammaincinv(shape, np.clip(uniform, 1e-15, 1 - 1e-15)) / shape
-
-    return of_keys
-
-
-@partial(jax.jit, static_argnums=1)
-def _normal(keys: Any, num: int) -> Any:
-    return jax.vmap(lambda key: jax.random.normal(key, (num,)))(keys)
-
-
-def record_draws(model: Composite, num_samples: int, num_levels: int) -> Callable[[Any], np.ndarray]:
-    """A function of keys that simulates records and takes their wavelet variances."""
-    at_once = max(1, min(_CHUNK, _SAMPLES_AT_ONCE // num_samples))
-
-    def of_keys(keys: Any) -> np.ndarray:
-        rows = []
-        for first in range(0, len(keys), at_once):
-            part = keys[first : first + at_once]
-            # filled up: another size would compile again
-            filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
-            x = np.asarray(_simulated(model, filled, num_samples))
-            rows += [host_wavelet_variance(record, num_levels) for record in x[: len(part)]]
-        return np.stack(rows)
-
-    return of_keys
-
-
-@partial(jax.jit, static_argnums=2)
-def _simulated(model: Composite, keys: Any, num_samples: int) -> Any:
-    return jax.vmap(lambda key: simulate(model, num_samples, key=key))(keys)

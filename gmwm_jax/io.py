@@ -44,6 +44,7 @@ def read_recording(
     header: int | None = None,
     name: str | None = None,
     variable: str | None = None,
+    gaps: bool = False,
 ) -> Recording:
     """Read a recording from a file; its suffix tells the format.
 
@@ -76,6 +77,8 @@ def read_recording(
         Name of the recording; default: the file name.
     variable
         The object to read, where an ``.npz`` or R file holds several.
+    gaps
+        Does NaN mark missing samples? Else it is an error (but in what `save_recording` wrote).
 
     Raises
     ------
@@ -107,12 +110,15 @@ def read_recording(
             raise ValueError(f"Column {found[0]!r} looks like time: name it by time=..., or pick others by columns=...")
         loaded = list(table.load(picked if timed is None else [*picked, timed]))
         timed_rate = None if timed is None else rate_of_time(loaded.pop(), time_unit)
+        samples = _stack(loaded, labels)
+        saved = table.title is not None
         return Recording.from_array(
-            _stack(loaded, labels),
+            samples,
             rate=_agreed_rate({"rate=": rate, "the file": table.rate, "the column of time": timed_rate}),
             units=[table.units[i] for i in picked] if table.units else units,
             channels=labels if channels is None and table.names else channels,
             name=name or table.title or file.stem,
+            gaps=gaps or (saved and bool(np.any(np.isnan(samples)))),
         )
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error

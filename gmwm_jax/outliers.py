@@ -35,7 +35,8 @@ class OutlierRun:
     """Index of the first of them."""
     last: int
     size: float
-    """The largest wavelet coefficient of span 2 (half a step between neighbours), in robust scales."""
+    """In robust scales: the largest wavelet coefficient of span 2 (half a step between neighbours), or, of
+    `mask_outliers`, deviation from a running median."""
 
 
 @dataclass(frozen=True, repr=False)

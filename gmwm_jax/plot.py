@@ -53,9 +53,11 @@ def plot_recording(rec: Recording) -> Figure:
             first = np.arange(0, len(x), size)  # the last bin may be shorter; no sample is left out
             count = np.diff(first, append=len(x))
             t = (first + (count - 1) / 2) / rec.rate
-            low, high = np.minimum.reduceat(x, first), np.maximum.reduceat(x, first)
+            low, high = np.fmin.reduceat(x, first), np.fmax.reduceat(x, first)
             ax.fill_between(t, low, high, color=_DATA, alpha=0.45, lw=0, label="min .. max")
-            ax.plot(t, np.add.reduceat(x, first) / count, color=_FIT, lw=0.7, label=f"mean of {size} samples")
+            with np.errstate(invalid="ignore"):  # none there: no mean
+                mean = np.add.reduceat(np.nan_to_num(x), first) / np.add.reduceat(~np.isnan(x), first, dtype=float)
+            ax.plot(t, mean, color=_FIT, lw=0.7, label=f"mean of {size} samples")
         ax.set_ylabel(f"{name}\n[{_pretty(rec.units[i])}]")
         ax.margins(x=0)
     if len(rec) > _MAX_POINTS:
@@ -90,13 +92,17 @@ def plot_wavelet_variance(wv: WaveletVariance, *, ax: Axes | None = None, datash
     return figure
 
 
-def plot_robust_comparison(comparison: RobustComparison, *, axes: Sequence[Axes] | None = None) -> Figure:
+def plot_robust_comparison(
+    comparison: RobustComparison, *, cleaned: WaveletVariance | None = None, axes: Sequence[Axes] | None = None
+) -> Figure:
     """Classic and robust wavelet variance with their bands; below, their difference in standard errors.
 
     Parameters
     ----------
     comparison
         Of one channel.
+    cleaned
+        A third curve: the wavelet variance of the same channel without its outliers, see `mask_outliers`.
     axes
         Two Axes to draw into; a new figure if left out.
     """
@@ -104,6 +110,8 @@ def plot_robust_comparison(comparison: RobustComparison, *, axes: Sequence[Axes]
     classic, robust = comparison.classic, comparison.robust
     _draw_variance(top, classic, _DATA, "classic")
     _draw_variance(top, robust, _FIT, f"robust, efficiency {robust.efficiency:g}")
+    if cleaned is not None:
+        _draw_variance(top, cleaned, _DATASHEET, f"cleaned: {cleaned.missing or 'none missing'}")
     _finish_variance(top, classic, classic.units[0])
     top.set_xlabel("")
     share = 100 * comparison.num_outliers / (classic.num_samples or 1)

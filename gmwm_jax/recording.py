@@ -12,7 +12,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._check import finite_record, sampling_rate, time_first
+from gmwm_jax._check import finite_record, present_samples, sampling_rate, time_first
 from gmwm_jax._table import format_table, number
 from gmwm_jax._typing import FloatLike, Names
 from gmwm_jax.units import SI_SIGNALS, SignalUnit, signal_unit
@@ -34,12 +34,14 @@ class Recording:
         SI unit of each channel: ``rad/s``, ``m/s^2`` or ``1``.
     name
         Of the recording, for tables and figures.
+    gaps
+        Does NaN mark missing samples? Else it is an error.
 
     Raises
     ------
     ValueError
-        Fewer than two samples, more channels than samples, NaN or infinite samples, a constant channel, names or
-        units that do not match the channels, or no positive rate.
+        Fewer than two samples, more channels than samples, NaN (without `gaps`) or infinite samples, a channel that is
+        constant or all missing, names or units that do not match the channels, or no positive rate.
     """
 
     data: Float64[np.ndarray, "samples channels"]
@@ -47,6 +49,7 @@ class Recording:
     channels: tuple[str, ...]
     units: tuple[str, ...]
     name: str = ""
+    gaps: bool = False
 
     def __post_init__(self) -> None:
         _check_shape(self.data)
@@ -58,10 +61,15 @@ class Recording:
                 f"{self.units}: Recording.from_array converts others."
             )
         for name, samples in self.items():
-            finite_record(samples, f"channel {name!r}")
-            if samples.min() == samples.max():
+            what = f"channel {name!r}"
+            if self.gaps:
+                present_samples(samples, what)
+            else:
+                finite_record(samples, what)
+            first = samples[np.argmin(np.isnan(samples))]
+            if np.nanmin(samples) == first == np.nanmax(samples):
                 raise ValueError(
-                    f"channel {name!r} is constant ({samples[0]:g} in all {len(samples)} samples): it has no noise to "
+                    f"channel {name!r} is constant ({first:g} in all {len(samples)} samples): it has no noise to "
                     "model. The sensor was off, saturated or not connected; leave the channel out."
                 )
 
@@ -74,6 +82,7 @@ class Recording:
         units: str | Sequence[str] | Mapping[str, str] | None,
         channels: Names | None = None,
         name: str = "",
+        gaps: bool = False,
     ) -> "Recording":
         """Make a recording from an array, converting to SI. The array is copied once and left as it is.
 
@@ -90,6 +99,8 @@ class Recording:
             Channel names; ``channel_0``, ``channel_1`` ... unless given.
         name
             Name of the recording.
+        gaps
+            Does NaN, or a mask, mark missing samples? Else they are an error.
 
         Raises
         ------
@@ -107,7 +118,7 @@ class Recording:
         signals = _signals(units, names)
         samples *= np.array([s.factor * (f if s.increments else 1.0) for s in signals])
         samples.flags.writeable = False
-        return cls(samples, f, names, tuple(s.si for s in signals), name)
+        return cls(samples, f, names, tuple(s.si for s in signals), name, gaps)
 
     @property
     def num_channels(self) -> int:
@@ -118,6 +129,11 @@ class Recording:
     def duration(self) -> float:
         """Length in seconds: N / rate."""
         return len(self) / self.rate
+
+    @property
+    def num_missing(self) -> dict[str, int]:
+        """Missing samples of each channel."""
+        return {name: int(np.sum(np.isnan(x))) if self.gaps else 0 for name, x in self.items()}
 
     def time(self) -> Float64[np.ndarray, " samples"]:
         """Time of each sample in seconds, from 0."""
@@ -196,7 +212,12 @@ class Recording:
     def __repr__(self) -> str:
         head = ["channel", "unit", "mean", "std"]
         pairs = zip(self.items(), self.units, strict=True)
-        rows = [[name, unit, number(x.mean(), 6), number(x.std(), 6)] for (name, x), unit in pairs]
+        rows = [
+            [name, unit, number(float(np.nanmean(x)), 6), number(float(np.nanstd(x)), 6)] for (name, x), unit in pairs
+        ]
+        if self.gaps:
+            head.append("missing")
+            rows = [[*row, str(count)] for row, count in zip(rows, self.num_missing.values(), strict=True)]
         title = f"Recording {self.name!r}" if self.name else "Recording"
         what = f"{len(self)} samples at {self.rate:g} Hz, {self.duration:g} s"
         return f"{title}: {what}\n{format_table(head, rows, left=2)}"

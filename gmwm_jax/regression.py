@@ -17,7 +17,7 @@ of the noise, since the residuals have the covariance (I - H) Sigma (I - H)' = S
 trend takes a third from a random walk at the coarsest scale.)
 
 Missing samples: skipped in the whitening, and a wavelet variance by pairs of samples
-(`gmwm_jax.wavelet_host.gap_wavelet_variance`).
+(`gmwm_jax.pairs`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -33,6 +33,7 @@ from gmwm_jax._check import agreed_rate, confidence, require_x64, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.fitting import fit
 from gmwm_jax.inference import normal_quantile
+from gmwm_jax.pairs import find_pairs, gap_degrees_of_freedom, gap_wavelet_variance, positive_levels, white_widening
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.registry import as_model
@@ -42,7 +43,7 @@ from gmwm_jax.result import Fit
 from gmwm_jax.units import require_si
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wavelet import degrees_of_freedom, interval_factors, scales
-from gmwm_jax.wavelet_host import gap_wavelet_variance, host_wavelet_variance
+from gmwm_jax.wavelet_host import host_wavelet_variance
 from gmwm_jax.weights import TWO_STEP
 from gmwm_jax.whitening import GeneralisedLeastSquares, covariance_times, generalised_least_squares
 
@@ -115,7 +116,6 @@ class Regression:
         Ordinary least squares, with the sandwich (X'X)^-1 X' Sigma X (X'X)^-1 under the same noise.
     noise
         The fit of the noise. Its wavelet variance is that of the residuals with what the regression took out added.
-        With missing samples its parameters have no intervals: there is no theory for their wavelet variance here.
     time
         Seconds, shape (N,).
     data, fitted
@@ -245,16 +245,21 @@ def regress(
     time = checked_time(time, len(y), rate)
     X = design(regressors, present, intercept=intercept)
 
+    pairs = None if np.all(present) else find_pairs(present)
+    white = None if pairs is None else white_widening(pairs)
+
     def noise_of(residual: Float[np.ndarray, " N"], spread: Float[np.ndarray, "N p"]) -> Fit:
-        columns, whole = np.column_stack([residual, spread]), bool(np.all(present))
-        each = [host_wavelet_variance(np.ascontiguousarray(x)) for x in columns.T] if whole else []
-        nu = np.sum(each, axis=0) if whole else gap_wavelet_variance(columns, present)
-        # by pairs it may be negative: such a scale and the coarser ones go
-        J = len(nu) if np.all(nu > 0) else int(np.argmin(nu > 0))
-        num, nu = int(np.sum(present)), nu[:J]
-        low, high = interval_factors(degrees_of_freedom(num, J))
-        known = num if whole else None
-        wv = WaveletVariance(scales(J), nu, nu * low, nu * high, known, 0.95, rate, (name,), (unit,), name)
+        records = np.column_stack([residual, spread]).T
+        if pairs is None or white is None:
+            nu = np.sum([host_wavelet_variance(x) for x in records], axis=0)
+            eta = degrees_of_freedom(len(y), len(nu))
+        else:
+            nu = np.sum(gap_wavelet_variance(records, pairs), axis=0)
+            nu = nu[: positive_levels(nu)]
+            eta = gap_degrees_of_freedom(pairs, nu, white)
+        low, high = interval_factors(eta)
+        values = (scales(len(nu)), nu, nu * low, nu * high, len(y), 0.95, rate)
+        wv = WaveletVariance(*values, (name,), (unit,), name, present=None if pairs is None else present)
         return fit(wv, model, omega=TWO_STEP, level=level)
 
     def least_squares(noise: Fit) -> GeneralisedLeastSquares:

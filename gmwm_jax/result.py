@@ -12,13 +12,13 @@ from jaxtyping import Float
 from gmwm_jax._check import agreed_rate, sampling_rate
 from gmwm_jax._table import format_table, number
 from gmwm_jax.estimates import AT, ZERO, EstimateTable, continuous_table, parameter_table
+from gmwm_jax.gap_covariance import covariance_under
 from gmwm_jax.inference import delta_method, normal_quantile, parameter_covariance
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.weights import COVARIANCE, ITERATED, covariance_weights, two_step_weights
-from gmwm_jax.wv_covariance import wv_covariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -149,11 +149,7 @@ class Fit:
 
         It needs the length of the record, all scales 2 .. 2^J, the MODWT, and a model without SIN.
         """
-        ergodic = all(p.ergodic for p in self.model.processes)
-        if self.wv.num_samples is None or not self.wv.has_theory or not ergodic:
-            return None
-        num_samples, J, efficiency = self.wv.num_samples, self.wv.num_scales, self.wv.efficiency
-        return np.asarray(wv_covariance(self.model, num_samples, J, efficiency=efficiency))
+        return covariance_under(self.model, self.wv)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "P P"] | None:
@@ -226,7 +222,8 @@ class Fit:
     def summary(self) -> str:
         """All of it as text."""
         wv = self.wv
-        samples = f", {wv.num_samples} samples" if wv.num_samples else ""
+        missing = f" ({wv.missing})" if wv.missing else ""
+        samples = f", {wv.num_samples} samples{missing}" if wv.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         free = self.model.num_free
         robust = f"Robust (efficiency {wv.efficiency:g}) " if wv.efficiency else ""

@@ -18,9 +18,9 @@ from jaxtyping import Float
 from gmwm_jax._check import confidence, integer, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.bootstrapping import variance_draws
 from gmwm_jax.candidates import Candidate, Selection, Selections
 from gmwm_jax.criterion import optimism, projection, standard_error
+from gmwm_jax.draws import variance_draws
 from gmwm_jax.fitting import fit
 from gmwm_jax.goodness import chi_square
 from gmwm_jax.inference import normal_quantile

@@ -2,12 +2,13 @@
 
 import zlib
 from collections import Counter
+from functools import partial
 from typing import SupportsIndex
 
 import equinox as eqx
 import jax
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Float, Key
 
 from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._typing import PRNGKey
@@ -57,6 +58,12 @@ def simulate(
         stream = jax.random.fold_in(key, zlib.crc32(f"{process.kind}:{seen[process.kind]}".encode()))
         parts.append(_draw(process, num, stream))
     return sum_arrays(parts)
+
+
+@partial(jax.jit, static_argnums=2)
+def simulate_each(model: Composite, keys: Key[Array, " B"], num_samples: int) -> Float[Array, "B N"]:
+    """Draw a record for each key, compiled as a whole."""
+    return jax.vmap(lambda key: simulate(model, num_samples, key=key))(keys)
 
 
 @eqx.filter_jit

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.bootstrapping import record_draws, variance_draws
+from gmwm_jax.draws import record_draws, variance_draws
 from gmwm_jax.joint import JointFit, one_channel
 from gmwm_jax.joint_refit import CHUNK, joint_refit
 from gmwm_jax.records import Pool
@@ -152,15 +152,14 @@ def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
     """For each record, a function of keys that draws wavelet variances under the joint model."""
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
-    lengths = [
-        require_theory(r.wv, f"Replicates (record {name})") for name, r in zip(joint.names, joint.records, strict=True)
-    ]
+    for name, r in zip(joint.names, joint.records, strict=True):
+        require_theory(r.wv, f"Replicates (record {name})")
     if np.any(joint.fitted <= 0):
         raise ValueError(f"{joint.model} has no variance at some scale: there is nothing to replicate.")
     if route == RECORDS:
         if joint.wv.efficiency is not None:
             raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
-        return [record_draws(joint.model, N, r.wv.num_scales) for N, r in zip(lengths, joint.records, strict=True)]
+        return [record_draws(joint.model, r.wv) for r in joint.records]
     if joint.record_covariances is None:
         raise ValueError(f'There is no theory of the scatter of {joint.model}: take route="{RECORDS}".')
     return [variance_draws(joint.fitted[: len(V)], V) for V in joint.record_covariances]

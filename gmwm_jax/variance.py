@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from gmwm_jax._check import (
     agreed_rate,
@@ -22,6 +22,7 @@ from gmwm_jax._check import (
     unmasked,
 )
 from gmwm_jax._table import format_table, number
+from gmwm_jax.pairs import variance_by_pairs
 from gmwm_jax.recording import Recording
 from gmwm_jax.robust import biweight, robust_wavelet_variance, widening
 from gmwm_jax.units import require_si
@@ -72,6 +73,8 @@ class WaveletVariance:
     """``modwt`` or ``dwt``."""
     efficiency: float | None = None
     """Of the robust estimator on clean data, see `gmwm_jax.robust`; None for the classic one."""
+    present: Bool[np.ndarray, "N *C"] | None = None
+    """False where a sample is missing, see `gmwm_jax.pairs`; None for a complete record."""
 
     @classmethod
     def from_table(
@@ -152,6 +155,16 @@ class WaveletVariance:
         return self.num_samples is not None and self.method == "modwt" and dyadic
 
     @property
+    def missing(self) -> str:
+        """In words: how many samples are missing; "" if none is."""
+        if self.present is None:
+            return ""
+        counts = np.sum(~self.present, axis=0).ravel()
+        lowest, highest = int(np.min(counts)), int(np.max(counts))
+        share = f"{100 * highest / len(self.present):.3g} %"
+        return f"{highest} missing, {share}" if lowest == highest else f"{lowest} to {highest} missing, up to {share}"
+
+    @property
     def times(self) -> Float[np.ndarray, " J"]:
         """Spans in seconds (in samples where the rate is not known)."""
         return self.scales / (self.rate or 1.0)
@@ -164,6 +177,7 @@ class WaveletVariance:
             channel = self.channels.index(channel)
         columns = {k: getattr(self, k) for k in ("variance", "ci_low", "ci_high")}
         if not self.is_single:
+            columns |= {} if self.present is None else {"present": self.present}
             columns = {k: np.ascontiguousarray(v[:, channel]) for k, v in columns.items()}
         return replace(self, **columns, channels=(self.channels[channel],), units=(self.units[channel],))
 
@@ -181,7 +195,8 @@ class WaveletVariance:
             head = [time, *(f"{c} [({u})^2]" for c, u in zip(self.channels, self.units, strict=True))]
             columns = np.column_stack([self.times, self.variance])
         what = self.name or ", ".join(self.channels)
-        samples = f", {self.num_samples} samples" if self.num_samples else ""
+        missing = f" ({self.missing})" if self.missing else ""
+        samples = f", {self.num_samples} samples{missing}" if self.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
         robust = f"Robust (efficiency {self.efficiency:g}) " if self.efficiency else ""
@@ -200,6 +215,7 @@ def wavelet_variance(
     num_levels: int | None = None,
     method: str = "modwt",
     efficiency: float | None = None,
+    gaps: str | None = None,
     level: float = 0.95,
     rate: float | None = None,
     unit: str = "1",
@@ -221,6 +237,11 @@ def wavelet_variance(
         None for the classic estimator, the mean of squares. A number between 0.5 and 0.99, usually 0.6, for the robust
         one of the MODWT, which gives outliers no weight and for it has, on clean data with independent coefficients,
         this efficiency. See `gmwm_jax.robust`, and `compare_robust` for both side by side.
+    gaps
+        None: a missing sample (NaN, masked) is an error, unless the `Recording` allows gaps. ``pairs``: the MODWT's
+        from all pairs of samples that are there, see `gmwm_jax.pairs`; unbiased as long as what is missing does not
+        depend on the noise. Intervals widen as the gaps of this record ask for, but hold for noise that is white or
+        has more power at long spans; else they are a bound.
     level
         Confidence of the intervals.
     rate, unit
@@ -233,13 +254,15 @@ def wavelet_variance(
     Returns
     -------
     WaveletVariance
-        Arrays (J,) for one channel, (J, C) for several.
+        Arrays (J,) for one channel, (J, C) for several. With gaps, J is by default less where a lag below 2^J has no
+        pair of samples, or a variance came out negative.
 
     Raises
     ------
     ValueError
         Too short, turned (more channels than samples), constant or coarsely quantised, masked, NaN or inf (the first is
-        named), unknown method, a unit that is not SI; an efficiency not on offer, or for the DWT; robust: coefficients
+        named), unknown method, a unit that is not SI; an efficiency not on offer, or for the DWT, or with
+        gaps; gaps with the DWT, or that leave too little for the levels asked for; robust: coefficients
         of which half are zero, or that are too far from Gaussian to have a scale.
     TypeError
         A record of another kind.
@@ -250,6 +273,14 @@ def wavelet_variance(
         biweight(efficiency)  # raises if it is not on offer
         if method != "modwt":
             raise ValueError("The robust wavelet variance is that of the MODWT: leave method out, or efficiency.")
+    if isinstance(record, Recording) and record.gaps:
+        gaps = "pairs"
+    if gaps not in (None, "pairs"):
+        raise ValueError(f"gaps is None (a missing sample is an error) or 'pairs', and is {gaps!r}.")
+    if gaps and method != "modwt":
+        raise ValueError("The wavelet variance by pairs is that of the MODWT: leave method out, or gaps.")
+    if gaps and efficiency is not None:
+        raise ValueError("The robust wavelet variance needs a complete record: leave efficiency out, or gaps.")
     require_si(unit)
     is_array = isinstance(record, Sequence) or hasattr(record, "__array__")
     if isinstance(record, (str, bytes, Mapping, Set)) or not (is_array or isinstance(record, Iterable)):
@@ -272,10 +303,16 @@ def wavelet_variance(
         units, name = (unit,) * num, ""
         rate = None if rate is None else sampling_rate(rate)
     else:
-        options = {"num_levels": num_levels, "method": method, "efficiency": efficiency, "level": level}
+        options = {"num_levels": num_levels, "method": method, "efficiency": efficiency, "gaps": gaps, "level": level}
         return _from_blocks(record, scratch, rate=rate, unit=unit, **options)
 
     num_samples = data.shape[0]
+    if gaps and np.any(np.isnan(data)):
+        present = ~np.isnan(data)
+        nu, eta = variance_by_pairs(np.asarray(data, dtype=np.float64), channels, num_levels)
+        low, high = interval_factors(eta, level)
+        values = (scales(len(nu)), nu, nu * low, nu * high, num_samples, level, rate)
+        return WaveletVariance(*values, tuple(channels), tuple(units), name, present=present)
     J = check_num_levels(num_samples, num_levels)
     matrix = data[:, None] if data.ndim == 1 else data
     columns = []

@@ -64,8 +64,8 @@ def degrees_of_freedom(num_samples: int, num_levels: int, *, decimated: bool = F
 
 
 def interval_factors(
-    eta: Float[np.ndarray, " J"], level: float = 0.95
-) -> tuple[Float[np.ndarray, " J"], Float[np.ndarray, " J"]]:
+    eta: Float[np.ndarray, "*J"], level: float = 0.95
+) -> tuple[Float[np.ndarray, "*J"], Float[np.ndarray, "*J"]]:
     """What a variance with eta degrees of freedom is multiplied by for the ends of its confidence interval.
 
     Parameters

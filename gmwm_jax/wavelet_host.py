@@ -19,11 +19,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
-from scipy.fft import next_fast_len
+from jaxtyping import Float, Shaped
 
 from gmwm_jax._check import finite_record
-from gmwm_jax.wavelet import check_num_levels, default_num_levels
+from gmwm_jax.wavelet import check_num_levels
 
 _FINE_LEVELS = 10
 _BLOCK = 1 << 15
@@ -82,52 +81,6 @@ def host_wavelet_variance(
         raise ValueError(f"The squares of {name} are beyond floating point: take other units, or scale the data.")
     j = np.arange(1, J + 1)
     return energy / (4.0**j * (num - 2.0**j + 1))
-
-
-def gap_wavelet_variance(columns: Float[np.ndarray, "N C"], present: Bool[np.ndarray, " N"]) -> Float[np.ndarray, " J"]:
-    """Haar wavelet variance of records with missing samples, summed over records, by pairs of samples; O(N log N).
-
-    Few windows are complete when samples are missing here and there. But a Haar wavelet variance is linear in the
-    semivariogram G(k) = E(x_{t+k} - x_t)^2 / 2,
-
-        nu_j^2 = -2 sum_{k=1}^{tau_j - 1} r_j(k) G(k),    r_j(k) = [2 (n - k)_+ - (n - |k - n|)_+] / tau_j^2,
-
-    r_j the autocorrelation of the filter and n = tau_j/2, and G(k) has an unbiased estimate in the pairs at lag k that
-    are there. Hence the expectation of this one is nu_j^2 whatever is missing, as long as that does not depend on the
-    record (Mondal & Percival 2010, eq. 8, who weight the pairs at the two ends differently). It can be negative.
-
-    Parameters
-    ----------
-    columns
-        Records, finite where a sample is present, which is at the same times in all.
-    present
-        False where a sample is missing.
-
-    Returns
-    -------
-    nu_j^2 at the spans 2, 4, .. 2^J: J is that of a record of as many samples as are there, or less where a lag below
-    2^J has no pair.
-    """
-    num, J = len(present), default_num_levels(int(np.sum(present)))
-    size = next_fast_len(num + 2**J, real=True)
-    z = np.fft.rfft(present.astype(np.float64), size)
-    pairs = np.rint(np.fft.irfft(np.abs(z) ** 2, size)[: 2**J])
-    unseen = np.flatnonzero(pairs == 0)
-    if len(unseen):
-        J = int(unseen[0]).bit_length() - 1
-    centred = [np.where(present, x - np.mean(x[present]), 0.0) for x in columns.T]
-    power = sum(np.abs(np.fft.rfft(x, size)) ** 2 for x in centred)
-    squares = np.fft.rfft(sum(x * x for x in centred), size)
-    # the sum over pairs of (x_{t+k} - x_t)^2
-    differences = np.fft.irfft(2 * (z.conj() * squares).real - 2 * power, size)[1 : 2**J]
-    G = differences / (2 * pairs[1 : 2**J])
-    result, k = np.empty(J), np.arange(1, 2**J)
-    for j in range(J):
-        n = 1 << j
-        lag = k[: 2 * n - 1]
-        kernel = np.maximum(n - np.abs(lag - n), 0) - 2 * np.maximum(n - lag, 0)
-        result[j] = 2 * np.dot(kernel, G[: 2 * n - 1]) / (2.0 * n) ** 2
-    return result
 
 
 def blocks_to_file(blocks: Iterable[np.ndarray], file: str | os.PathLike) -> np.memmap:

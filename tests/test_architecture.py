@@ -22,14 +22,14 @@ GMWM_JAX = """
     processes/registry
     continuous units
     simulation datasheet
-    wavelet wavelet_host robust
+    wavelet wavelet_host robust pairs
     _columns _files _known_files _sensors _text _timebase
     recording io datasets
     variance
     _nnls start estimate problem
-    wv_covariance inference estimates weights
-    outliers
-    result goodness allan fitting refit intervals replicates _progress bootstrapping
+    wv_covariance gap_covariance inference estimates weights
+    outliers cleaning
+    result goodness allan fitting refit intervals replicates _progress draws bootstrapping
     submodels sweep criterion candidates selection
     records joint joint_fitting joint_refit resampling record_comparison stationarity cross_validation
     whitening regressors regression

@@ -9,7 +9,7 @@ from helpers import SIGMAS, assert_covariance, assert_mean
 
 import gmwm_jax as gj
 from gmwm_jax import bootstrapping as module
-from gmwm_jax.bootstrapping import variance_draws
+from gmwm_jax.draws import variance_draws
 from gmwm_jax.refit import refit
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")

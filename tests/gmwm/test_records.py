@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 import gmwm_jax as gj
 from gmwm_jax import fitting, joint_fitting, refit
-from gmwm_jax.bootstrapping import variance_draws
+from gmwm_jax.draws import variance_draws
 from gmwm_jax.joint import one_channel
 from gmwm_jax.joint_refit import joint_refit
 from gmwm_jax.records import whitened

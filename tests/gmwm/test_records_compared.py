@@ -11,7 +11,7 @@ from scipy import stats
 
 import gmwm_jax as gj
 from gmwm_jax import stationarity as module
-from gmwm_jax.bootstrapping import variance_draws
+from gmwm_jax.draws import variance_draws
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
 NUM_SAMPLES, LEVELS, NUM_RECORDS = 20_000, 13, 4

@@ -8,8 +8,7 @@ import pytest
 from helpers import SIGMAS, assert_mean
 
 import gmwm_jax as gj
-from gmwm_jax.wavelet import scales
-from gmwm_jax.wavelet_host import gap_wavelet_variance, host_wavelet_variance
+from gmwm_jax.wavelet_host import host_wavelet_variance
 
 MODELS = (
     "WN(sigma2=2.0)",
@@ -96,40 +95,7 @@ def test_whitening_refuses_what_does_not_fit():
         gj.whiten("WN", np.ones((5, 1)))
 
 
-# -- wavelet variance of records with gaps, and of residuals -----------------------------------------------------------
-
-
-def test_the_variance_by_pairs_is_its_definition():
-    rng = np.random.default_rng(1)
-    x, present = rng.standard_normal(70).cumsum(), rng.random(70) > 0.2
-    nu = gap_wavelet_variance(x[:, None], present)
-    G = [0.0]
-    for k in range(1, 2 ** len(nu)):
-        pair = present[k:] & present[:-k]
-        G.append(np.mean((x[k:] - x[:-k])[pair] ** 2) / 2)
-    for j, value in enumerate(nu, start=1):
-        h = np.repeat([1.0, -1.0], 2 ** (j - 1)) / 2**j
-        r = np.correlate(h, h, "full")[len(h) - 1 :]
-        np.testing.assert_allclose(value, -2 * sum(r[k] * G[k] for k in range(2**j)), rtol=1e-10)
-
-
-@pytest.mark.parametrize("pattern", ["scattered", "blocks"])
-def test_the_variance_by_pairs_is_unbiased(pattern, key):
-    num, model = 512, gj.WN(1.0) + gj.RW(0.02)
-    rng = np.random.default_rng(2)
-    present = rng.random(num) > 0.2 if pattern == "scattered" else ~np.isin(np.arange(num) // 40, [3, 4, 9])
-    records = np.asarray(jax.vmap(lambda k: gj.simulate(model, num, key=k))(jax.random.split(key, 1000))).T
-    nu = np.array([gap_wavelet_variance(x[:, None], present) for x in records.T])
-    assert_mean(nu, np.asarray(model.wavelet_variance(scales(nu.shape[1]))))
-    np.testing.assert_allclose(gap_wavelet_variance(records, present), nu.sum(axis=0), rtol=1e-9)
-
-
-def test_a_lag_without_a_pair_ends_the_scales():
-    x = np.random.default_rng(0).standard_normal((64, 1))
-    every_second = np.arange(64) % 2 == 0
-    assert gap_wavelet_variance(x, every_second).shape == (0,)
-    two_blocks = (np.arange(64) < 16) | (np.arange(64) >= 48)  # no pair at lags 16 .. 32
-    assert gap_wavelet_variance(x, two_blocks).shape == (4,)
+# -- wavelet variance of residuals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("model", ["WN(sigma2=1.0) + RW(gamma2=0.05)", "WN(sigma2=1.0) + GM(beta=0.02, variance=2.0)"])

@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 
 import gmwm_jax as gj
 from gmwm_jax import sweep as module
-from gmwm_jax.bootstrapping import variance_draws
+from gmwm_jax.draws import variance_draws
 from gmwm_jax.selection import tangents
 from gmwm_jax.submodels import common_superset, submodels, text_of
 

@@ -1,0 +1,178 @@
+"""Outlying samples: which are masked in which noise, what is reported, and what the estimates gain."""
+
+import jax
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from helpers import SIGMAS
+
+import gmwm_jax as gj
+
+WALK = "WN(sigma2=1.0) + RW(gamma2=1e-4)"
+WANDERING = "WN(sigma2=1.0) + GM(beta=0.02, variance=0.5) + RW(gamma2=1e-5)"
+
+
+def recording(x, **options):
+    return gj.Recording.from_array(x, **{"rate": 10.0, "units": "1", **options})
+
+
+def white(num, seed=0):
+    return np.random.default_rng(seed).standard_normal(num)
+
+
+def contaminated(x, length, seed=0, size=10.0):
+    """1 % of the samples moved by +-size, in bursts of a length that share the sign; and which they are."""
+    rng = np.random.default_rng(seed)
+    first = length * rng.choice(len(x) // length, len(x) // 100 // length, replace=False)
+    moved = (first[:, None] + np.arange(length)).ravel()
+    y, outlying = x.copy(), np.zeros(len(x), dtype=bool)
+    y[moved] += np.repeat(size * rng.choice([-1, 1], len(first)), length)
+    outlying[moved] = True
+    return y, outlying
+
+
+def masked(x, **options):
+    return np.isnan(gj.mask_outliers(recording(x), **options).recording.data[:, 0])
+
+
+NOISES = {
+    "white": (lambda: white(50_000), 10.0),
+    "walk": (lambda: np.cumsum(white(50_000)), 10.0),
+    "slow": (lambda: np.asarray(gj.simulate("GM(beta=0.01, variance=50.0)", 50_000, key=jax.random.key(0))), 10.0),
+    "quantised": (lambda: np.round(0.3 * white(50_000)), 5.0),  # 90 % zero, the others one step
+    "quantised as finely as it is noisy": (lambda: np.round(white(50_000)), 10.0),
+    "of small unit": (lambda: 1e-9 * np.round(0.4 * white(50_000)), 5e-9),
+}
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_single_outliers_are_found_in_any_noise(name):
+    """999 of 1000; of the others next to none, and those beside two outliers."""
+    draw, size = NOISES[name]
+    x = draw()
+    assert np.sum(masked(x)) <= 3
+    y, outlying = contaminated(x, 1, size=size)
+    seen = masked(y)
+    assert np.mean(seen[outlying]) > 0.995
+    assert np.sum(seen[~outlying]) < 20
+
+
+@pytest.mark.parametrize("length", [2, 5, 10])
+def test_bursts_are_found_as_a_whole(length):
+    x = np.asarray(gj.simulate(WANDERING, 50_000, key=jax.random.key(length)))
+    y, outlying = contaminated(x, length)
+    seen = masked(y)
+    assert np.mean(seen[outlying]) > 0.995
+    assert np.mean(seen[~outlying]) < 1e-4
+    runs = gj.mask_outliers(recording(y)).runs["channel_0"]
+    assert np.median([run.last - run.first + 1 for run in runs]) == length
+
+
+def test_a_clean_record_is_seldom_touched():
+    """At a chance of 20 %, of 300 records of white noise at most that many, and 4.5 standard errors of 2.3 %."""
+    seen = np.mean([np.any(masked(white(2000, seed), chance=0.2)) for seed in range(300)])
+    assert 0.02 < seen < 0.2 + SIGMAS * np.sqrt(0.2 * 0.8 / 300)
+    walks = np.mean([np.mean(masked(np.cumsum(white(5000, seed)))) for seed in range(100)])
+    assert walks < 2e-4
+    for noise in (0.15, 0.3, 0.5, 1.0):  # in steps of quantisation
+        assert not any(np.any(masked(np.round(noise * white(5000, seed) + 0.3))) for seed in range(20))
+
+
+def test_channels_are_judged_alone_and_gaps_stay():
+    x = np.column_stack([white(3000), white(3000, 1), white(3000, 2)])
+    x[500, 1] += 30
+    x[1000:1003, 1] -= 20
+    x[2000, 2] = np.nan
+    before = x.copy()
+    seen = gj.mask_outliers(recording(x, channels=["a", "b", "c"], gaps=True, name="bench"))
+    assert seen.counts == {"a": 0, "b": 4, "c": 0}
+    assert seen.shares["b"] == 4 / 3000
+    assert [(run.first, run.last) for run in seen.runs["b"]] == [(500, 500), (1000, 1002)]
+    assert 25 < seen.runs["b"][0].size < 40
+    assert seen.recording.num_missing == {"a": 0, "b": 4, "c": 1}
+    np.testing.assert_array_equal(x, before)
+    np.testing.assert_array_equal(seen.recording.data[:, 0], x[:, 0])
+    assert not seen.recording.data.flags.writeable
+    assert 4.5 < seen.thresholds["a"] < 6.5
+    lines = repr(seen).splitlines()
+    assert lines[0].startswith("Outliers masked in bench: 3000 samples")
+    assert lines[4].split()[:6] == ["b", "1", "4", "0.13", "%", "2"]
+    assert any(line.split()[:4] == ["b", "1000", "1002", "100.00"] for line in lines)
+
+
+def test_ends_and_short_records():
+    x = white(3000)
+    x[0] += 30
+    x[-1] -= 30
+    np.testing.assert_array_equal(np.flatnonzero(masked(x)), [0, 2999])
+    y = white(12)
+    y[5] = 40
+    np.testing.assert_array_equal(np.flatnonzero(masked(y, max_share=0.2)), [5])
+
+
+def test_bad_input():
+    with pytest.raises(TypeError, match=r"takes a Recording, not ndarray: Recording\.from_array makes one"):
+        gj.mask_outliers(white(100))
+    with pytest.raises(ValueError, match=r"chance lies between 0 and 1, and is 1.5"):
+        gj.mask_outliers(recording(white(100)), chance=1.5)
+    with pytest.raises(ValueError, match=r"max_share lies between 0 and 1/4, and is 0.6"):
+        gj.mask_outliers(recording(white(100)), max_share=0.6)
+    loud = white(10_000)
+    loud[:2000] *= 100
+    with pytest.raises(ValueError, match=r"% of the samples of 'channel_0' stand out, and max_share allows 10 %"):
+        gj.mask_outliers(recording(loud))
+
+
+# -- the purpose -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("text", [WALK, WANDERING])
+def test_parameters_of_a_cleaned_record_lie_within_the_clean_intervals(text, seed):
+    """200,000 samples, 1 % of them 10 sigma off, one by one and in bursts of five: the classic ones leave them."""
+    model = " + ".join(p.kind for p in gj.parse_model(text).processes)
+    x = np.asarray(gj.simulate(text, 200_000, key=jax.random.key(seed)))
+    clean = gj.fit(gj.wavelet_variance(x), model).parameters()
+    for length in (1, 5):
+        y, _ = contaminated(x, length, seed)
+        cleaned = gj.fit(gj.mask_outliers(recording(y)).recording, model).model
+        classic = gj.fit(gj.wavelet_variance(y), model).model
+        values = [[float(v) for p in m.processes for v in p.values] for m in (cleaned, classic)]
+        inside, outside = ([e.ci_low < v < e.ci_high for e, v in zip(clean, vs, strict=True)] for vs in values)
+        assert all(inside)
+        assert not outside[0]  # the white noise doubles where outliers come one by one
+        assert length == 1 or not any(outside)
+
+
+def test_the_figure_with_a_third_curve():
+    y, _ = contaminated(white(5000), 1)
+    cleaned = gj.wavelet_variance(gj.mask_outliers(recording(y)).recording)
+    figure = gj.compare_robust(recording(y)).plot(cleaned=cleaned)
+    (line,) = [one for one in figure.axes[0].lines if one.get_label() == f"cleaned: {cleaned.missing}"]
+    np.testing.assert_array_equal(line.get_ydata(), cleaned.variance)
+    figure.canvas.draw()
+    plt.close(figure)
+
+
+@pytest.mark.slow
+def test_the_contaminated_record(shared):
+    """456 samples stand out and hold an eighth of the variance of the white noise; what is left is not Gaussian.
+
+    The robust variance is half at the finest scale and the whole beyond 3 s, since a sum of many samples is Gaussian:
+    that is no spectrum of a sum of processes, so that no model fits it. The cleaned one is fitted as well as the
+    classic one, with the same Gauss-Markov process.
+    """
+    rec = gj.read_recording(shared / "data" / "cont.imu1.rda")
+    seen = gj.mask_outliers(rec)
+    assert 400 < seen.counts["gyro_x"] < 500
+    assert np.median([run.last - run.first for run in seen.runs["gyro_x"]]) == 0
+    fits = {
+        "classic": gj.fit(rec, "WN + GM"),
+        "robust": gj.fit(gj.wavelet_variance(rec, efficiency=0.6), "WN + GM"),
+        "cleaned": gj.fit(seen.recording, "WN + GM"),
+    }
+    assert fits["robust"].objective > 50 > 1 > fits["cleaned"].objective
+    classic, cleaned = (fits[name].parameters() for name in ("classic", "cleaned"))
+    assert cleaned["WN", "sigma2"].ci_high < 0.89 * classic["WN", "sigma2"].ci_low
+    for symbol in ("beta", "variance"):
+        assert classic["GM", symbol].ci_low < cleaned["GM", symbol].value < classic["GM", symbol].ci_high
