@@ -11,7 +11,7 @@ import numpy as np
 from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.draws import record_draws, variance_draws
+from gmwm_jax.draws import record_draws, theory_draws
 from gmwm_jax.refit import Refits, refit
 from gmwm_jax.replicates import RECORDS, VARIANCES, Bootstrap
 from gmwm_jax.result import Fit
@@ -70,7 +70,7 @@ def bootstrap(
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))
     if route == VARIANCES:
-        draw = variance_draws(fit.fitted, np.asarray(fit.wv_covariance))
+        draw = theory_draws(fit.model, fit.wv, np.asarray(fit.wv_covariance))
     else:
         draw = record_draws(fit.model, fit.wv)
     done: list[tuple[np.ndarray, Refits]] = []

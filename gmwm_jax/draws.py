@@ -1,7 +1,7 @@
 """Wavelet variances of records of a known model, drawn at random, in two ways.
 
 `record_draws` simulates records (from stationarity) and takes their wavelet variances, leaving out the samples that are
-missing in the data. `variance_draws` draws the wavelet variances themselves, from shifted and scaled chi-square margins
+missing in the data. `theory_draws` draws the wavelet variances themselves, from shifted and scaled chi-square margins
 joined by a Gaussian copula with the correlations of theory: no record is needed, and for a long one next to no time.
 
 A wavelet variance is a quadratic form of normal variables, sum_i lambda_i chi^2_1. The margins have its mean, its
@@ -25,6 +25,7 @@ from gmwm_jax.processes._base import Composite
 from gmwm_jax.simulation import simulate_each
 from gmwm_jax.variance import WaveletVariance
 from gmwm_jax.wavelet_host import host_wavelet_variance
+from gmwm_jax.wv_skewness import wv_skewness
 
 _RECORDS = 64
 """Simulated at once, at most."""
@@ -32,6 +33,16 @@ _SAMPLES_AT_ONCE = 4_000_000
 """Of simulated records: 32 MB for each component of the model."""
 _SMALLEST_SHAPE = 0.1
 """Half the degrees of freedom below which a chi-square variable is mostly zero."""
+
+
+def theory_draws(model: Composite, wv: WaveletVariance, V: Float[np.ndarray, "J J"]) -> Callable[[Any], np.ndarray]:
+    """A function of keys that draws wavelet variances of records like that of `wv` under a model of known V.
+
+    The skewness is known for the classic wavelet variance of a complete record; others are drawn as chi-square.
+    """
+    known = wv.num_samples is not None and wv.efficiency is None and wv.present is None
+    skewness = wv_skewness(model, wv.num_samples or 0, V) if known else None
+    return variance_draws(np.asarray(model.wavelet_variance(wv.scales)), V, skewness)
 
 
 def variance_draws(

@@ -20,7 +20,7 @@ from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
 from gmwm_jax.candidates import Candidate, Selection, Selections
 from gmwm_jax.criterion import optimism, projection, standard_error
-from gmwm_jax.draws import variance_draws
+from gmwm_jax.draws import theory_draws
 from gmwm_jax.fitting import fit
 from gmwm_jax.goodness import chi_square
 from gmwm_jax.inference import normal_quantile
@@ -175,7 +175,7 @@ def _optimism_of_replicates(
 ) -> Float[np.ndarray, " M"]:
     """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
     keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num, dtype=jnp.uint32))
-    nu = variance_draws(whole.fitted, V)(keys)
+    nu = theory_draws(whole.model, whole.wv, V)(keys)
     bar = progress_bar(len(swept.fits) * num, "fit", progress)
     try:
         fitted = resweep(swept, nu, bar.update)

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 from gmwm_jax._check import integer, require_x64, typed_key
 from gmwm_jax._progress import progress_bar
 from gmwm_jax._typing import PRNGKey
-from gmwm_jax.draws import record_draws, variance_draws
+from gmwm_jax.draws import record_draws, theory_draws
 from gmwm_jax.joint import JointFit, one_channel
 from gmwm_jax.joint_refit import CHUNK, joint_refit
 from gmwm_jax.records import Pool
@@ -162,7 +162,7 @@ def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
         return [record_draws(joint.model, r.wv) for r in joint.records]
     if joint.record_covariances is None:
         raise ValueError(f'There is no theory of the scatter of {joint.model}: take route="{RECORDS}".')
-    return [variance_draws(joint.fitted[: len(V)], V) for V in joint.record_covariances]
+    return [theory_draws(joint.model, r.wv, V) for r, V in zip(joint.records, joint.record_covariances, strict=True)]
 
 
 def _objectives(joint: JointFit, variances: Float[np.ndarray, "B R J"]) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ GMWM_JAX = """
     recording io datasets
     variance
     _nnls start estimate problem
-    wv_covariance gap_covariance inference estimates weights
+    wv_covariance wv_skewness gap_covariance inference estimates weights
     outliers cleaning
     result goodness allan fitting refit intervals replicates _progress draws bootstrapping
     submodels sweep criterion candidates selection
