@@ -79,16 +79,16 @@ def _diagonals(d: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J J"]:
     return d[:, :, None] * np.eye(d.shape[1])
 
 
-def _starts(problem: Problem) -> Float[np.ndarray, "S K"]:
+def _starts(problem: Problem) -> Float[np.ndarray, "S C"]:
     """The fitted coordinates, and those with one of them moved."""
-    at = np.array([float(p.coordinate_from_shape(p.shape)) for p in problem.searched])
+    at = np.concatenate([np.zeros(0), *(np.atleast_1d(p.coordinate_from_shape(p.shape)) for p in problem.searched)])
     moves = _MOVED * np.eye(len(at))
     return np.clip(np.concatenate([at[None], at + moves, at - moves]), *problem.bounds.T)
 
 
 def _solve(
     problem: Problem,
-    starts: Float[np.ndarray, "S K"],
+    starts: Float[np.ndarray, "S C"],
     nu: Float[np.ndarray, "B J"],
     whitener: Float[np.ndarray, "B J J"],
     tau: Float[np.ndarray, " J"],
@@ -127,7 +127,7 @@ def _fitted(layout: Layout, shapes: Any, solution: Solution, tau: Any) -> Float[
     for i, kind in enumerate(layout.kinds):
         if i < layout.num_shapes:
             unit = jax.vmap(lambda z, kind=kind: kind.unit_wavelet_variance(kind.shape_from_coordinate(z), tau))(
-                solution.coordinates[:, i]
+                solution.coordinates[:, layout.position(i)]
             )
         else:
             unit = kind.unit_wavelet_variance(shapes[i - layout.num_shapes], tau)[None]
@@ -141,7 +141,7 @@ def _values(problem: Problem, solution: Solution) -> Float[np.ndarray, "B P"]:
     for i, p in enumerate(problem.processes):
         shape = p.shape
         if i < problem.layout.num_shapes:
-            shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, i]))
+            shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, problem.layout.position(i)]))
         values = [*shape, p.value_of(jnp.asarray(solution.amplitudes[:, i]))]
         columns.append(np.stack(np.broadcast_arrays(*map(np.asarray, values)), axis=1))
         times.append(np.broadcast_to(p.correlation_time(shape) if shape else 0.0, len(solution.objective)))

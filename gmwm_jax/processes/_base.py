@@ -148,11 +148,14 @@ class AbstractProcess(eqx.Module):
         """Inverse of `amplitude_of`."""
         return amplitude
 
-    # -- the coordinate that estimation searches over: only for processes with a shape parameter -------------------
+    # -- the coordinates that estimation searches over: only for processes with a shape parameter ------------------
+
+    num_coordinates: ClassVar[int] = 1
+    """Search coordinates of a component with a free shape; where there are several, they are the last axis."""
 
     @classmethod
     def shape_from_coordinate(cls, coordinate: Any) -> tuple[Any, ...]:
-        """The shape parameters from a coordinate on the real line."""
+        """The shape parameters from coordinates on the real line."""
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
@@ -161,8 +164,11 @@ class AbstractProcess(eqx.Module):
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
-    def coordinate_bounds(cls, tau_max: float) -> tuple[float, float]:
-        """The interval of the coordinate: beyond its ends the wavelet variance up to tau_max no longer changes."""
+    def coordinate_bounds(cls, tau_max: float) -> tuple[Any, Any]:
+        """The interval of the coordinate: beyond its ends the wavelet variance up to tau_max no longer changes.
+
+        Where there are several coordinates, an interval for each.
+        """
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
@@ -171,11 +177,11 @@ class AbstractProcess(eqx.Module):
         return ""
 
     @classmethod
-    def start_nodes(cls, tau_max: float, num: int) -> tuple[float, ...]:
+    def start_nodes(cls, tau_max: float, num: int) -> tuple[Any, ...]:
         """Coordinates, increasing, at which a search over records with spans up to tau_max starts.
 
-        The ends of `coordinate_bounds` are among them: a minimum at a limit is there at once, where a descent in the
-        logarithm of a correlation time only crawls.
+        Where there are several, points that fill their box. The ends of `coordinate_bounds` are among them: a minimum
+        at a limit is there at once, where a descent in the logarithm of a correlation time only crawls.
         """
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
