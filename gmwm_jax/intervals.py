@@ -15,7 +15,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._check import confidence
-from gmwm_jax.continuous import CONTINUOUS
+from gmwm_jax.continuous import continuous_form
 from gmwm_jax.estimates import Estimate, EstimateTable, LogQuantities
 from gmwm_jax.inference import delta_method, evaluate, parameter_covariance
 from gmwm_jax.processes._base import Composite
@@ -67,7 +67,7 @@ def continuous_intervals(
     fit: Fit, good: Float[np.ndarray, "G P"], kind: str, level: float, table: EstimateTable
 ) -> list[Estimate]:
     """The entries of a table of continuous-time quantities of a fit, with intervals from replicates."""
-    forms = [CONTINUOUS[p.kind] for p in fit.model.processes]
+    forms = [continuous_form(type(p)) for p in fit.model.processes]
     quantities = tuple((*form.filter, *form.datasheet) for form in forms)
     logs = LogQuantities(quantities, float(fit.rate or 0.0))
     at_estimate = np.asarray(evaluate(logs, fit.model))
@@ -83,7 +83,7 @@ def replicates_needed(level: float) -> int:
 
 
 def _line(model: Composite) -> Array:
-    return model.unconstrained()
+    return model.parameter_lines()
 
 
 def _on_the_line(fit: Fit, good: Float[np.ndarray, "G P"]) -> Float[np.ndarray, "G P"]:
@@ -92,9 +92,8 @@ def _on_the_line(fit: Fit, good: Float[np.ndarray, "G P"]) -> Float[np.ndarray, 
     with np.errstate(divide="ignore"):
         for p in fit.model.processes:
             own = good[:, at : at + len(p.parameters)]
-            for q, values in zip(p.parameters, own.T, strict=True):
-                line = np.asarray(q.to_line(jnp.asarray(values)))
-                columns.append(line if q is p.parameters[-1] else np.where(own[:, -1] > 0, line, np.nan))
+            *shape, amplitude = map(np.asarray, p.to_lines(tuple(jnp.asarray(own.T))))
+            columns += [*(np.where(own[:, -1] > 0, line, np.nan) for line in shape), amplitude]
             at += len(p.parameters)
     return np.stack(columns, axis=1)
 
