@@ -35,6 +35,7 @@ _BEFORE = 6.0
 """How far before a lag the first node of its polynomial lies: three nodes of its parity."""
 
 
+@jax.jit
 def haar_covariance(form: Form, lag: Points, parity: Points, n_j: Points, n_k: Points) -> Float[Array, "*P"]:
     """Cross-covariance of Haar coefficients with half spans that are powers of two."""
     d = len(form.readout)
@@ -84,12 +85,13 @@ def _located(m: Points, sign: Points) -> tuple[Array, Array, Array]:
     whole = jnp.where(sign > 0, 2 * jnp.floor(m / 2), 2 * jnp.floor((m - 1) / 2) + 1)
     first = jnp.maximum(whole - _BEFORE, jnp.where(sign > 0, 0.0, 1.0))
     row = jnp.floor(first / _RADIX)
-    q = jnp.arange(_NODES)
-    distance = ((m - first) / 2)[:, None] - q
-    others = jnp.where(jnp.eye(_NODES, dtype=bool), 1.0, q[:, None] - q[None, :])
-    factors = jnp.where(jnp.eye(_NODES, dtype=bool), 1.0, distance[:, None, :] / others)
-    nodes = (first - row * _RADIX).astype(jnp.int32)[:, None] + 2 * q
-    return row.astype(jnp.int32), nodes, jnp.prod(factors, axis=2)
+    q = jnp.arange(_NODES, dtype=jnp.float64)
+    distance = ((m - first) / 2)[:, None] - q[None]
+    itself = jnp.eye(_NODES, dtype=bool)
+    others = jnp.where(itself, 1.0, q[:, None] - q[None, :])
+    factors = jnp.where(itself[None], 1.0, distance[:, None, :] / others[None])
+    nodes = (first - row * _RADIX)[:, None] + 2 * q[None]
+    return row.astype(jnp.int32), nodes.astype(jnp.int32), jnp.prod(factors, axis=2)
 
 
 def _squared_sums(form: Form) -> Float[Array, "L d d"]:

@@ -131,6 +131,11 @@ class AbstractProcess(eqx.Module):
         """
 
     @classmethod
+    def ringing(cls, shape: tuple[Any, ...]) -> float:
+        """Radians that the autocovariance turns through while it falls by e; a guess where the shape is traced."""
+        return 0.0
+
+    @classmethod
     def unit_haar_mean(cls, n_j: Float[Array, "*P"]) -> Float[Array, "*P"]:
         """E(W_{j,t}) for unit amplitude: zero but for a deterministic process."""
         return jnp.zeros_like(n_j)
@@ -294,8 +299,7 @@ class Composite(eqx.Module):
                 )
         if {"GM", "AR1"} <= {cls.kind for cls in counts}:
             raise ValueError("GM and AR1 are one process in two parametrisations: use one of them in a model.")
-        kinds = [cls for cls, count in counts.items() for _ in range(count)]
-        for a, b in itertools.permutations(kinds, 2):
+        for a, b in itertools.permutations(counts, 2):
             if a.white_part is None or b.white_part is None or not a.adjusts_white_part:
                 continue
             if b.white_part <= a.white_part:

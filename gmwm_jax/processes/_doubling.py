@@ -8,15 +8,16 @@ nabla = 1 - B, of which there are d = max(p, q + 1): with phi(B) = sum_k b_k nab
 and near unit roots, where u_t, u_{t-1}, .. are almost the same, these stay small and c_0 = phi(1) is what tells the
 roots apart. A block of m samples is all that matters of them: with X_0 the state before it,
 
-    D = F^m - 1,   s' = h' (F + .. + F^m),   X_m = F^m X_0 + E,   x_1 + .. + x_m = s' X_0 + Z,
+    D = F^m - 1,   s' = (1, 0, ..) (F + .. + F^m),   X_m = F^m X_0 + E,   u_1 + .. + u_m = s' X_0 + Z,
 
 and the covariances G, c, v of (E, Z). Two blocks join in a few products (`join`), hence powers of two by doubling and
-any m from its bits. (Smith 1968 solves G = F G F' + Q, the covariance of X, so.) A Haar coefficient over 2m samples is
+any m from its bits. (Smith 1968 solves G = F G F' + Q, the covariance of X, so.) Sums of differences are differences:
+x_1 + .. + x_m = h_0 (u_1 + .. + u_m) + l' (X_m - X_0), l = (h_1, h_2, .., 0). Hence a Haar coefficient of two blocks is
 
-    (s' X_m - s' X_0 - Z + Z')/(2m),  with the variance  [(D's)' P (D's) + (s'Gs - 2 s'c + v) + v]/(4 m^2),
+    (a' X_0 + [w' E - h_0 Z] + [l' E' + h_0 Z'])/(2m),   a = h_0 D's + D'D'l,   w = h_0 s + (D - 1)'l,
 
-a sum of squares: what cancels in the sums over the autocovariance does not here. Coefficients in doubles know a root
-1 - delta to 1e-16/delta, and so do the results on spans beyond 1/delta, for a root of multiplicity r 1e-16/delta^r.
+and its variance a sum of squares: what cancels in sums over the autocovariance does not here. Coefficients in doubles
+know a root 1 - delta to 1e-16/delta, and so do results on spans beyond 1/delta, an r-fold root to 1e-16/delta^r.
 """
 
 from math import comb
@@ -73,10 +74,7 @@ class Block(NamedTuple):
 def one_sample(form: Form) -> Block:
     """The block of one sample."""
     d = len(form.readout)
-    ones = jnp.ones(d)
-    size = jnp.sum(form.readout)
-    s = form.readout + _times(form.step.T, form.readout)
-    return Block(form.step, s, jnp.ones((d, d)), size * ones, size * size)
+    return Block(form.step, jnp.eye(d)[0] + form.step[0], jnp.ones((d, d)), jnp.ones(d), jnp.ones(()))
 
 
 def join(a: Block, b: Block) -> Block:
@@ -98,6 +96,7 @@ def _doublings(form: Form) -> tuple[Block, Float[Array, "d d"]]:
     return blocks, last.G
 
 
+@jax.jit
 def stationary_covariance(form: Form) -> Float[Array, "d d"]:
     """P, the covariance of the state."""
     return _doublings(form)[1]
@@ -106,9 +105,9 @@ def stationary_covariance(form: Form) -> Float[Array, "d d"]:
 def wavelet_variance(form: Form, tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
     """Haar wavelet variance at spans that are powers of two; NaN at others."""
     powers, P = _doublings(form)
-    level = jnp.round(jnp.log2(tau / 2)).astype(jnp.int32)
-    blocks = jax.tree.map(lambda leaf: leaf[level], powers)
-    return jnp.where(2.0**level == tau / 2, _of_blocks(blocks, P, tau), jnp.nan)
+    level = jnp.round(jnp.log2(tau / 2))
+    blocks = jax.tree.map(lambda leaf: leaf[level.astype(jnp.int32)], powers)
+    return jnp.where(2.0**level == tau / 2, _of_blocks(form, blocks, P, tau), jnp.nan)
 
 
 def wavelet_variance_of_any_span(form: Form, tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
@@ -125,17 +124,20 @@ def wavelet_variance_of_any_span(form: Form, tau: Float[Array, "*J"]) -> Float[A
         return found, None
 
     empty = jax.tree.map(lambda leaf: jnp.zeros((*tau.shape, *leaf.shape[1:])), powers)
-    blocks = lax.scan(add, empty, (2.0 ** jnp.arange(_NUM_DOUBLINGS), powers))[0]
-    return _of_blocks(blocks, P, tau)
+    blocks = lax.scan(add, empty, (2.0 ** jnp.arange(_NUM_DOUBLINGS, dtype=jnp.float64), powers))[0]
+    return _of_blocks(form, blocks, P, tau)
 
 
-def _of_blocks(blocks: Block, P: Float[Array, "d d"], tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
+def _of_blocks(form: Form, blocks: Block, P: Float[Array, "d d"], tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
     """Of two equal blocks, the formula of the file."""
+    h_0, rest = form.readout[0], jnp.concatenate([form.readout[1:], jnp.zeros(1)])
 
     def variance(b: Block) -> Array:
-        a = _times(b.D.T, b.s)
-        first_half = jnp.sum(b.s * (_times(b.G, b.s) - 2 * b.c)) + b.v
-        return jnp.sum(a * _times(P, a)) + first_half + b.v
+        turned = _times(b.D.T, rest)
+        a = h_0 * _times(b.D.T, b.s) + _times(b.D.T, turned)
+        first, second = h_0 * b.s + turned - rest, rest
+        halves = [jnp.sum(x * (_times(b.G, x) + sign * 2 * h_0 * b.c)) for x, sign in ((first, -1), (second, 1))]
+        return jnp.sum(a * _times(P, a)) + halves[0] + halves[1] + 2 * h_0 * h_0 * b.v
 
     return jax.vmap(variance)(blocks) / (tau * tau)
 
@@ -152,7 +154,7 @@ def powers_times(
         return (_product(M, M), found), None
 
     start = M, jnp.broadcast_to(x, (*exponents.shape, *x.shape))
-    return lax.scan(square, start, 2.0 ** jnp.arange(num_bits))[0][1]
+    return lax.scan(square, start, 2.0 ** jnp.arange(num_bits, dtype=jnp.float64))[0][1]
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -19,7 +19,7 @@ from jax import lax
 from jaxtyping import Float
 
 from gmwm_jax._check import concrete, integer, spans
-from gmwm_jax._typing import PRNGKey, Scalar
+from gmwm_jax._typing import PRNGKey
 from gmwm_jax.processes import _doubling
 from gmwm_jax.processes._arma_covariance import haar_covariance
 from gmwm_jax.processes._base import AbstractProcess, scaled
@@ -46,7 +46,6 @@ class AbstractArma(AbstractProcess):
 
     num_ar: ClassVar[int]
     num_ma: ClassVar[int]
-    repeatable: ClassVar[bool] = True
 
     def __init__(self, *values: Any, **named: Any):
         names = [p.name for p in self.parameters]
@@ -104,13 +103,13 @@ class AbstractArma(AbstractProcess):
     def unit_psd(cls, shape, frequency):
         """|theta(z)|^2/|phi(z)|^2 in powers of 1 - z, which does not cancel at low frequencies."""
         phi, theta = cls._parts(shape)
-        nabla = lax.complex(2 * jnp.sin(jnp.pi * frequency) ** 2, jnp.sin(2 * jnp.pi * frequency))
+        real, imaginary = 2 * jnp.sin(jnp.pi * frequency) ** 2, jnp.sin(2 * jnp.pi * frequency)
 
         def squared(coefficients: list[Any]) -> Any:
-            total = jnp.zeros_like(nabla)
-            for b in reversed(_doubling.in_differences(coefficients, len(coefficients))):
-                total = total * nabla + b
-            return total.real**2 + total.imag**2
+            a, b = jnp.zeros_like(frequency), jnp.zeros_like(frequency)
+            for c in reversed(_doubling.in_differences(coefficients, len(coefficients))):
+                a, b = a * real - b * imaginary + c, a * imaginary + b * real
+            return a * a + b * b
 
         one = jnp.ones(())
         return squared([one, *theta]) / squared([one, *(-a for a in phi)])
@@ -127,6 +126,16 @@ class AbstractArma(AbstractProcess):
     def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):
         """See `_arma_covariance`."""
         return haar_covariance(cls._form(shape), lag, parity, n_j, n_k)
+
+    @classmethod
+    def ringing(cls, shape):
+        """Of the root that turns the most, between lags of one parity; of three turns while it is unknown."""
+        phi = [concrete(a) for a in shape[: cls.num_ar]]
+        if any(a is None for a in phi):
+            return 6 * math.pi if cls.num_ar > 1 else 0.0
+        roots = _roots(np.array(phi, dtype=float)).astype(complex)
+        turns, falls = np.abs(np.angle(roots * roots)), -2 * np.log(np.clip(np.abs(roots), 1e-300, 1 - 1e-16))
+        return float(np.max(turns / falls))
 
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[jax.Array, " N"]:
         """From the stationary distribution; blocks of samples in matrix products, see `_recursion`."""
@@ -203,7 +212,7 @@ class AbstractArma(AbstractProcess):
     def limit_of(cls, shape, tau_max):
         """A unit root, of the autoregression or of the moving average."""
         phi, theta = (np.array(part, dtype=float) for part in cls._parts(shape))
-        root, root_of_ma = _largest_root(phi), _largest_root(-theta)
+        root, root_of_ma = _roots(phi)[0], _roots(-theta)[0]
         near = max(abs(root), abs(root_of_ma)) > 1 - _UNIT_ROOT and abs(root - 1) > _UNIT_ROOT
         return "unit root" if near or abs(root - 1) * tau_max < _UNIT_ROOT_TAU else ""
 
@@ -228,7 +237,7 @@ class AbstractArma(AbstractProcess):
     def correlation_time(cls, shape):
         """Of the largest root; 0 for a moving average."""
         phi = np.stack(np.broadcast_arrays(*map(np.asarray, shape)), axis=-1)[..., : cls.num_ar]
-        size = np.abs(_largest_root(phi))
+        size = np.abs(_roots(phi)[..., 0])
         with np.errstate(divide="ignore"):
             return -1 / np.log(np.minimum(size, 1 - 1e-16))
 
@@ -237,7 +246,7 @@ def coefficients(partial: list[Any]) -> list[Any]:
     """phi_1 .. phi_p of 1 - phi_1 z - .. from the partial autocorrelations, by the Levinson recursion."""
     phi: list[Any] = []
     for r in partial:
-        phi = [*(a - r * b for a, b in zip(phi, reversed(phi), strict=True)), r]
+        phi = [*(_less(a, r, b) for a, b in zip(phi, reversed(phi), strict=True)), r]
     return phi
 
 
@@ -247,19 +256,24 @@ def partial_autocorrelations(phi: list[Any]) -> list[Any]:
     while phi:
         *rest, r = phi
         partial.append(r)
-        phi = [(a + r * b) / ((1 - r) * (1 + r)) for a, b in zip(rest, reversed(rest), strict=True)]
+        phi = [_less(a, -r, b) / ((1 - r) * (1 + r)) for a, b in zip(rest, reversed(rest), strict=True)]
     return partial[::-1]
 
 
-def _largest_root(phi: Float[np.ndarray, "... p"]) -> Any:
-    """The largest root, in size, of z^p - phi_1 z^(p-1) - ..; 0 if there is none."""
+def _less(a: Any, r: Any, b: Any) -> Any:
+    """A - r b without cancellation where a = b or a = -b and r is near 1 or -1, as of two coefficients."""
+    return jnp.where(r > 0, (a - b) + (1 - r) * b, (a + b) - (1 + r) * b)
+
+
+def _roots(phi: Float[np.ndarray, "... p"]) -> Any:
+    """The roots of z^p - phi_1 z^(p-1) - .., the largest in size first; 0 if there is none."""
     num = phi.shape[-1]
     if num == 0:
-        return np.zeros(phi.shape[:-1])
+        return np.zeros((*phi.shape[:-1], 1))
     companion = np.broadcast_to(np.eye(num, k=-1), (*phi.shape, num)).copy()
     companion[..., 0, :] = phi
     roots = np.linalg.eigvals(companion)
-    return np.take_along_axis(roots, np.argmax(np.abs(roots), axis=-1, keepdims=True), -1)[..., 0]
+    return np.take_along_axis(roots, np.argsort(-np.abs(roots), axis=-1), -1)
 
 
 def AR(p: int) -> type[AbstractProcess]:
@@ -313,12 +327,13 @@ def ARMA(p: int, q: int) -> type[AbstractProcess]:
     members = {
         "__doc__": f"{name} process, see `gmwm_jax.ARMA`.",
         "__module__": __name__,
-        "__annotations__": {parameter.name: Scalar | None for parameter in (*shape, sigma2)},
+        "__annotations__": {parameter.name: Any for parameter in (*shape, sigma2)},
         "kind": name,
         "parameters": (*shape, sigma2),
         "num_ar": p,
         "num_ma": q,
         "num_coordinates": p + q,
+        "repeatable": q < p,
         "white_part": q - p if q >= p else None,
         "adjusts_white_part": q >= p,
     }
