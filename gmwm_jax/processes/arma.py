@@ -178,35 +178,40 @@ class AbstractArma(AbstractProcess):
     @classmethod
     def shape_from_coordinate(cls, coordinate):
         """From the partial autocorrelations tanh(z/2), those of the moving average with its sign."""
-        r = [jnp.tanh(coordinate[..., i] / 2) for i in range(cls.num_coordinates)]
-        phi, theta = cls._parts(r)
+        z = [coordinate] if cls.num_coordinates == 1 else jnp.moveaxis(jnp.asarray(coordinate), -1, 0)
+        phi, theta = cls._parts([jnp.tanh(x / 2) for x in z])
         return (*coefficients(phi), *(-c for c in coefficients([-t for t in theta])))
 
     @classmethod
     def coordinate_from_shape(cls, shape):
         """Inverse of `shape_from_coordinate`."""
+        z = cls._coordinates(shape)
+        return z[0] if cls.num_coordinates == 1 else jnp.stack(z, axis=-1)
+
+    @classmethod
+    def _coordinates(cls, shape: Any) -> list[Any]:
         phi, theta = cls._parts(shape)
         r = [*partial_autocorrelations(phi), *(-t for t in partial_autocorrelations([-t for t in theta]))]
-        return jnp.stack([2 * jnp.arctanh(x) for x in map(jnp.asarray, r)], axis=-1)
+        return [2 * jnp.arctanh(jnp.asarray(x)) for x in r]
 
     @classmethod
     def to_lines(cls, values):
         """Partial autocorrelations as in `shape_from_coordinate`, and the log of the variance."""
-        z = cls.coordinate_from_shape(tuple(values[:-1]))
-        return [*jnp.moveaxis(z, -1, 0), cls.parameters[-1].to_line(values[-1])]
+        return [*cls._coordinates(values[:-1]), cls.parameters[-1].to_line(values[-1])]
 
     @classmethod
     def from_unconstrained(cls, vector):
         """Inverse of `unconstrained`."""
-        return cls(*cls.shape_from_coordinate(vector[:-1]), cls.parameters[-1].from_line(vector[-1]))
+        z = vector[0] if cls.num_coordinates == 1 else vector[:-1]
+        return cls(*cls.shape_from_coordinate(z), cls.parameters[-1].from_line(vector[-1]))
 
     @classmethod
     def coordinate_bounds(cls, tau_max):
         """Towards r_1 = 1 far beyond the longest span."""
-        ends = [(-_END, _END)] * cls.num_coordinates
-        if cls.num_ar:
-            ends[0] = (-_END, max(_END, math.log(2 * _SLOWEST * tau_max)))
-        return tuple(ends)
+        if cls.num_coordinates == 1:
+            return -_END, _END
+        high = math.log(2 * _SLOWEST * tau_max) if cls.num_ar else _END
+        return (-_END, max(_END, high)), *[(-_END, _END)] * (cls.num_coordinates - 1)
 
     @classmethod
     def limit_of(cls, shape, tau_max):
@@ -220,6 +225,8 @@ class AbstractArma(AbstractProcess):
     def start_nodes(cls, tau_max, num):
         """Points that fill a box evenly (Roberts 2018), and the ends of each coordinate."""
         d = cls.num_coordinates
+        if d == 1:
+            return -_END, *(float(z) for z in np.linspace(-_INNER, _INNER, num - 2)), _END
         ends = np.array(cls.coordinate_bounds(tau_max))
         low, high = np.full(d, -_INNER), np.full(d, _INNER)
         if cls.num_ar:
