@@ -56,6 +56,9 @@ from gmwm_jax.processes._base import AbstractProcess as AbstractProcess
 from gmwm_jax.processes._base import Composite as Composite
 from gmwm_jax.processes._parameter import Fixed as Fixed
 from gmwm_jax.processes._state_space import StateSpace as StateSpace
+from gmwm_jax.processes.arma import AR as AR
+from gmwm_jax.processes.arma import ARMA as ARMA
+from gmwm_jax.processes.arma import MA as MA
 from gmwm_jax.processes.drift import DR as DR
 from gmwm_jax.processes.flicker import BI as BI
 from gmwm_jax.processes.flicker import flicker_ladder as flicker_ladder

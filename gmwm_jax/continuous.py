@@ -4,10 +4,13 @@ Symbols as in IEEE Std 952-1997, annex C. A quantity is computed from the per-sa
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
+from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes.arma import AbstractArma
 from gmwm_jax.processes.fractional import density
 
 
@@ -53,10 +56,10 @@ class ContinuousForm(NamedTuple):
     """The continuous-time form of a process: what a Kalman filter wants, what a datasheet says, and the way back."""
 
     filter: tuple[Quantity, ...]
-    """As many as the process has parameters: with `inverse` a bijection."""
+    """Where there is an `inverse`, as many as the process has parameters: a bijection."""
     datasheet: tuple[Quantity, ...]
-    inverse: Callable[..., tuple[Any, ...]]
-    """(filter quantities..., rate) -> per-sample parameters."""
+    inverse: Callable[..., tuple[Any, ...]] | None
+    """(filter quantities..., rate) -> per-sample parameters; None for a process that belongs to its sampling rate."""
 
 
 # GM and AR1 are one process: beta per sample with phi = exp(-beta), and variance = sigma2/(1 - phi^2).
@@ -210,3 +213,34 @@ CONTINUOUS: dict[str, ContinuousForm] = {
     ),
 }  # fmt: skip
 """One row a process: its quantities in continuous time and the inverse to per-sample parameters."""
+
+
+@lru_cache
+def _arma(cls: type[AbstractArma]) -> ContinuousForm:
+    """Coefficients belong to a sampling rate: what is left is the standard deviation, and white noise far beyond."""
+    reads = tuple(range(len(cls.parameters)))
+
+    def density(*values: Any) -> Any:
+        *shape, sigma2, f = values
+        return sigma2 * cls.unit_psd(tuple(shape), jnp.zeros(())) / f
+
+    def sigma(*values: Any) -> Any:
+        *shape, sigma2, _ = values
+        return jnp.sqrt(sigma2 * cls.unit_autocovariance(tuple(shape), jnp.zeros(())))
+
+    return ContinuousForm(
+        filter=(Quantity("q_0", "PSD at frequency 0", "^2/Hz", density, reads=reads),),
+        datasheet=(
+            _GM_DATASHEET[0]._replace(value=sigma, reads=reads, determined_at=""),
+            _GM_DATASHEET[3]._replace(
+                meaning="density as white noise, at long times", value=lambda *v: jnp.sqrt(density(*v)), reads=reads,
+                determined_at="",
+            ),
+        ),
+        inverse=None,
+    )  # fmt: skip
+
+
+def continuous_form(cls: type[AbstractProcess]) -> ContinuousForm:
+    """Return the continuous-time form of a class of processes."""
+    return _arma(cls) if issubclass(cls, AbstractArma) else CONTINUOUS[cls.kind]

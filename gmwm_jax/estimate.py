@@ -18,12 +18,13 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 from gmwm_jax._nnls import solve_nonnegative, solve_passive
-from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._base import AbstractProcess, sum_arrays
 
 NUM_ROUNDS = 2
 NUM_DESCENTS = 12
@@ -43,8 +44,19 @@ class Layout(NamedTuple):
 
     @property
     def num_shapes(self) -> int:
-        """K, the number of shapes to search for."""
+        """K, the number of components with a shape to search for."""
         return sum(self.free_shape)
+
+    @property
+    def num_coordinates(self) -> int:
+        """C, the number of search coordinates; most components have one."""
+        return sum(kind.num_coordinates for kind in self.kinds[: self.num_shapes])
+
+    def position(self, component: int) -> int | slice:
+        """Where the search coordinates of a component stand: an index if it has one, else a slice."""
+        first = sum(kind.num_coordinates for kind in self.kinds[:component])
+        num = self.kinds[component].num_coordinates
+        return first if num == 1 else slice(first, first + num)
 
 
 class Data(NamedTuple):
@@ -55,7 +67,7 @@ class Data(NamedTuple):
     whitener: Float[Array, "J J"]
     """L' with Omega = L L'."""
     tau: Float[Array, " J"]
-    bounds: Float[Array, "K 2"]
+    bounds: Float[Array, "C 2"]
     """Ends of the search coordinates."""
     shapes: tuple[tuple[Float[Array, ""], ...], ...]
     """Given shapes of the components whose shape is not free, in order."""
@@ -68,11 +80,11 @@ class Data(NamedTuple):
 class Solution(NamedTuple):
     """The minimum, and what is needed to judge it."""
 
-    coordinates: Float[Array, " K"]
+    coordinates: Float[Array, " C"]
     amplitudes: Float[Array, " P"]
     objective: Float[Array, ""]
     slope: Float[Array, ""]
-    """Largest |dQ/du| over the shapes: what moving a correlation time by a factor e would still gain."""
+    """Largest |dQ/du| over the coordinates: what moving a correlation time by a factor e would still gain."""
     num_agreeing: Int[Array, ""]
     """How many descents ended within 1e-6 relative of the minimum."""
 
@@ -85,7 +97,7 @@ def smallest_slope(objective: Any) -> Any:
     return 1e-4 * objective + 1e-10 * SIZE**2
 
 
-def fold(u: Float[Array, " K"], bounds: Float[Array, "K 2"]) -> Float[Array, " K"]:
+def fold(u: Float[Array, " C"], bounds: Float[Array, "C 2"]) -> Float[Array, " C"]:
     """Reflect coordinates at the ends of their intervals.
 
     Beyond an end the wavelet variance no longer changes: a search that steps out would find no slope to come back.
@@ -96,10 +108,10 @@ def fold(u: Float[Array, " K"], bounds: Float[Array, "K 2"]) -> Float[Array, " K
     return low + jnp.where(v > width, 2 * width - v, v)
 
 
-def _shape_columns(layout: Layout, u: Float[Array, " K"], data: Data) -> Float[Array, "K J"]:
+def _shape_columns(layout: Layout, u: Float[Array, " C"], data: Data) -> Float[Array, "K J"]:
     """Unit wavelet variances of the components with a free shape, whitened."""
     coordinates = fold(u, data.bounds)
-    rows, start = [], 0
+    rows, start, at = [], 0, 0
     kinds = layout.kinds[: layout.num_shapes]
     while start < len(kinds):  # one vmap for each run of equal kinds
         kind, stop = kinds[start], start
@@ -109,8 +121,10 @@ def _shape_columns(layout: Layout, u: Float[Array, " K"], data: Data) -> Float[A
         def column(z: Array, kind: type[AbstractProcess] = kind) -> Array:
             return kind.unit_wavelet_variance(kind.shape_from_coordinate(z), data.tau)
 
-        rows.append(jax.vmap(column)(coordinates[start:stop]))
-        start = stop
+        num = kind.num_coordinates
+        own = coordinates[at : at + num * (stop - start)]
+        rows.append(jax.vmap(column)(own if num == 1 else own.reshape(-1, num)))
+        start, at = stop, at + num * (stop - start)
     return jnp.concatenate(rows) @ data.whitener.T
 
 
@@ -167,10 +181,14 @@ def _residual_function(layout: Layout):
     @residual.defjvp
     def residual_jvp(primals, tangents):
         (u, data), (du, _) = primals, tangents
-        # each column depends on its own coordinate only: one derivative in the direction (1, .. 1) has them all
-        columns, slopes = jax.jvp(lambda v: _shape_columns(layout, v, data), (u,), (jnp.ones_like(u),))
-        inner = _project(layout, _design(layout, columns, data), data)
-        v = slopes.T @ (inner.amplitudes[: layout.num_shapes] * du)
+        # each column depends on its own coordinates only: one derivative has the first of all, a second the second ..
+        turns = [
+            (at, jax.jvp(lambda v: _shape_columns(layout, v, data), (u,), (jnp.asarray(direction),)))
+            for at, direction in _turns(layout)
+        ]
+        inner = _project(layout, _design(layout, turns[0][1][0], data), data)
+        amplitudes = inner.amplitudes[: layout.num_shapes]
+        v = sum_arrays(slopes.T @ (amplitudes * du[at]) for at, (_, slopes) in turns)
         projected = inner.B @ solve_passive(inner.G, inner.B.T @ v, inner.passive)
         out = inner.residual, inner.amplitudes
         return out, (projected - v, jnp.zeros_like(inner.amplitudes))  # nobody differentiates the amplitudes
@@ -178,7 +196,22 @@ def _residual_function(layout: Layout):
     return residual
 
 
-def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "G K"], data: Data) -> Solution:
+def _turns(layout: Layout) -> list[tuple[Int[np.ndarray, " K"], Float[np.ndarray, " C"]]]:
+    """For the first, second, .. coordinate: where each component has it, and the direction that moves all of them.
+
+    A component without one stands with its last, which that direction leaves where it is.
+    """
+    nums = np.array([kind.num_coordinates for kind in layout.kinds[: layout.num_shapes]])
+    first = np.cumsum(nums) - nums
+    turns = []
+    for i in range(max(nums)):
+        direction = np.zeros(sum(nums))
+        direction[(first + i)[nums > i]] = 1.0
+        turns.append((first + np.minimum(i, nums - 1), direction))
+    return turns
+
+
+def minimise(layout: Layout, lattice: Float[Array, "S C"], nodes: Float[Array, "G C"], data: Data) -> Solution:
     """Find the global minimum of the GMWM objective of one channel. Pure: jit and vmap it.
 
     Parameters
@@ -211,13 +244,14 @@ def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "
         """All placements that differ from u in one component, as many as the lattice has."""
         rows = []
         for k in range(layout.num_shapes):
-            share = nodes[k :: layout.num_shapes, k]
-            rows.append(jnp.broadcast_to(u, (share.shape[0], u.shape[0])).at[:, k].set(share))
+            at = layout.position(k)
+            share = nodes[k :: layout.num_shapes, at]
+            rows.append(jnp.broadcast_to(u, (share.shape[0], u.shape[0])).at[:, at].set(share))
         return jnp.concatenate(rows)
 
     def search(best: Solution, first: Array) -> tuple[Solution, None]:
         candidates = jnp.where(first, lattice, exchanged(best.coordinates))
-        starts = _best_apart(candidates, jax.vmap(value)(candidates))
+        starts = _best_apart(layout, candidates, jax.vmap(value)(candidates))
         ends = jax.vmap(lambda start: _descend(residual, start, data))(starts)
         lowest = jnp.minimum(best.objective, jnp.min(ends.objective))
         num_here = jnp.sum(ends.objective <= lowest * (1 + 1e-6))
@@ -233,7 +267,7 @@ def minimise(layout: Layout, lattice: Float[Array, "S K"], nodes: Float[Array, "
     return lax.scan(search, start, jnp.arange(NUM_ROUNDS) == 0)[0]
 
 
-def minimise_near(layout: Layout, starts: Float[Array, "S K"], data: Data) -> Solution:
+def minimise_near(layout: Layout, starts: Float[Array, "S C"], data: Data) -> Solution:
     """Find the lowest minimum that descents from given placements lead to: for data like others already fitted.
 
     Parameters
@@ -258,7 +292,7 @@ def _linear(layout: Layout, data: Data) -> Solution:
     return Solution(jnp.zeros(0), inner.amplitudes, objective, jnp.zeros(()), jnp.asarray(1))
 
 
-def _descend(residual: Any, start: Float[Array, " K"], data: Data) -> Solution:
+def _descend(residual: Any, start: Float[Array, " C"], data: Data) -> Solution:
     """Levenberg-Marquardt from one start."""
     method = optx.LevenbergMarquardt(rtol=_TOLERANCE, atol=_TOLERANCE)
     end = optx.least_squares(residual, method, start, args=data, has_aux=True, max_steps=_MAX_STEPS, throw=False)
@@ -279,9 +313,13 @@ def _score(end: Solution) -> Float[Array, ""]:
     return end.objective * (1 + 1e-11 * jnp.sum(jnp.where(end.amplitudes > 0, 1.0, 0.0)))
 
 
-def _best_apart(candidates: Float[Array, "S K"], objectives: Float[Array, " S"]) -> Float[Array, "D K"]:
+def _best_apart(layout: Layout, candidates: Float[Array, "S C"], objectives: Float[Array, " S"]) -> Float[Array, "D C"]:
     """The best candidates of which no two lie within a factor e of each other in all correlation times."""
-    ordered = jnp.sort(candidates, axis=1)  # a swap of two components is no difference
+    # a swap of two components is no difference; one of several coordinates is
+    at = [layout.position(k) for k in range(layout.num_shapes)]
+    single = np.array([i for i in at if isinstance(i, int)], dtype=int)
+    rest = [candidates[:, i] for i in at if isinstance(i, slice)]
+    ordered = jnp.concatenate([jnp.sort(candidates[:, single], axis=1), *rest], axis=1)
 
     def take(i: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
         left, taken = state

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from gmwm_jax import units as units_
 from gmwm_jax._check import sampling_rate
 from gmwm_jax._table import format_table, number
-from gmwm_jax.continuous import CONTINUOUS, Quantity
+from gmwm_jax.continuous import Quantity, continuous_form
 from gmwm_jax.inference import evaluate
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
@@ -160,7 +160,7 @@ def continuous_table(
         p.require_complete()
     units_.require_si(unit)
     f = sampling_rate(rate)
-    forms = [CONTINUOUS[p.kind] for p in model.processes]
+    forms = [continuous_form(type(p)) for p in model.processes]
     # both tables at once: what was compiled for one serves the other
     logs = LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), f)
     values = np.exp(np.asarray(evaluate(logs, model)))

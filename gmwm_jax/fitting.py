@@ -164,7 +164,7 @@ def fit_channels(
 
     tau_max = float(channels[0].scales[-1])
     problem = pose(model, tau_max)
-    placements, nodes = starting_points(problem.searched, tau_max, key)
+    placements, nodes = starting_points(problem, tau_max, key)
     num_descents = NUM_ROUNDS * NUM_DESCENTS if problem.searched else 1
     minimise_channels = _compiled_quickly if len(channels) <= _FEW_CHANNELS else _compiled_well
     solutions = minimise_channels(
@@ -305,15 +305,16 @@ _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
 
 
 def starting_points(
-    searched: tuple[AbstractProcess, ...], tau_max: float, key: PRNGKey | None
-) -> tuple[Float[np.ndarray, "S K"], Float[np.ndarray, "S K"]]:
+    problem: Problem, tau_max: float, key: PRNGKey | None
+) -> tuple[Float[np.ndarray, "S C"], Float[np.ndarray, "S C"]]:
     """The lattice, and once more with the starting values that the model gives."""
+    searched = problem.searched
     placements, nodes = lattice(tuple(type(p) for p in searched), tau_max, key)
-    given = {k: float(p.coordinate_from_shape(p.shape)) for k, p in enumerate(searched) if None not in p.shape}
+    given = {k: np.asarray(p.coordinate_from_shape(p.shape)) for k, p in enumerate(searched) if None not in p.shape}
     if given:
         moved = placements.copy()
-        for k, coordinate in given.items():
-            moved[:, k] = coordinate
+        for k, coordinates in given.items():
+            moved[:, problem.layout.position(k)] = coordinates
         placements, nodes = np.concatenate([moved, placements]), np.concatenate([nodes, nodes])
     return placements, nodes
 
@@ -324,7 +325,8 @@ def _assemble(problem: Problem, solution: Solution, tau_max: float) -> tuple[Com
     for i, p in enumerate(problem.processes):
         shape, note = p.shape, ""
         if layout.free_shape[i]:
-            shape = tuple(float(s) for s in p.shape_from_coordinate(jnp.asarray(solution.coordinates[i])))
+            own = jnp.asarray(solution.coordinates[layout.position(i)])
+            shape = tuple(float(s) for s in p.shape_from_coordinate(own))
             limit = p.limit_of(shape, tau_max)
             # where both parameters run off together, one that is held keeps the other
             if limit and (layout.free_amplitude[i] or p.parameters[-1].determined_at == limit):

@@ -15,7 +15,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._check import confidence
-from gmwm_jax.continuous import CONTINUOUS
+from gmwm_jax.continuous import continuous_form
 from gmwm_jax.estimates import Estimate, EstimateTable, LogQuantities
 from gmwm_jax.inference import delta_method, evaluate, parameter_covariance
 from gmwm_jax.processes._base import Composite
@@ -78,7 +78,7 @@ def as_parameters(
 
 def log_quantities(fit: Fit) -> LogQuantities:
     """The logs of all continuous-time quantities of a fit."""
-    forms = [CONTINUOUS[p.kind] for p in fit.model.processes]
+    forms = [continuous_form(type(p)) for p in fit.model.processes]
     return LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), float(fit.rate or 0.0))
 
 
@@ -101,7 +101,7 @@ def replicates_needed(level: float) -> int:
 
 def line(model: Composite) -> Array:
     """All parameters on the real line."""
-    return model.unconstrained()
+    return model.parameter_lines()
 
 
 def on_the_line(model: Composite, good: Float[np.ndarray, "G P"]) -> Float[np.ndarray, "G P"]:
@@ -110,9 +110,8 @@ def on_the_line(model: Composite, good: Float[np.ndarray, "G P"]) -> Float[np.nd
     with np.errstate(divide="ignore"):
         for p in model.processes:
             own = good[:, at : at + len(p.parameters)]
-            for q, values in zip(p.parameters, own.T, strict=True):
-                x = np.asarray(q.to_line(jnp.asarray(values)))
-                columns.append(x if q is p.parameters[-1] else np.where(own[:, -1] > 0, x, np.nan))
+            *shape, amplitude = map(np.asarray, p.to_lines(tuple(jnp.asarray(own.T))))
+            columns += [*(np.where(own[:, -1] > 0, line, np.nan) for line in shape), amplitude]
             at += len(p.parameters)
     return np.stack(columns, axis=1)
 

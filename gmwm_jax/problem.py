@@ -16,7 +16,7 @@ class Problem(NamedTuple):
     order: tuple[int, ...]
     """Position of each in the model."""
     layout: Layout
-    bounds: Float[np.ndarray, "K 2"]
+    bounds: Float[np.ndarray, "C 2"]
     shapes: tuple[Any, ...]
     """Of the components whose shape is given."""
     held: Float[np.ndarray, " P"]
@@ -29,7 +29,13 @@ class Problem(NamedTuple):
 
 
 def pose(model: Composite, tau_max: float) -> Problem:
-    """Pose the problem of estimating a model from spans up to tau_max."""
+    """Pose the problem of estimating a model from spans up to tau_max.
+
+    Raises
+    ------
+    ValueError
+        Some of the shape parameters of a process are held, and others are not.
+    """
     kinds = [type(p) for p in model.processes]
     order = sorted(range(len(kinds)), key=lambda i: (not _has_free_shape(model.processes[i]), kinds.index(kinds[i])))
     processes = tuple(model.processes[i] for i in order)
@@ -44,14 +50,18 @@ def pose(model: Composite, tau_max: float) -> Problem:
         processes,
         tuple(order),
         layout,
-        np.array([p.coordinate_bounds(tau_max) for p in searched]).reshape(-1, 2),
+        np.concatenate([np.zeros((0, 2)), *(np.reshape(p.coordinate_bounds(tau_max), (-1, 2)) for p in searched)]),
         tuple(p.shape for p in given),
         np.array(held),
     )
 
 
 def _has_free_shape(p: AbstractProcess) -> bool:
-    return any(q.name not in p.fixed for q in p.parameters[:-1])
+    names = [q.name for q in p.parameters[:-1]]
+    held = [n for n in names if n in p.fixed]
+    if held and len(held) < len(names):
+        raise ValueError(f"{p.kind}: the coefficients are estimated together. Hold all of {', '.join(names)} or none.")
+    return len(held) < len(names)
 
 
 def slots(problem: Problem, times: Float[np.ndarray, " P"], gone: Any) -> list[int]:

@@ -83,12 +83,13 @@ def _diagonals(d: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J J"]:
     return d[:, :, None] * np.eye(d.shape[1])
 
 
-def starts_near(problem: Problem) -> Float[np.ndarray, "S K"]:
+def starts_near(problem: Problem) -> Float[np.ndarray, "S C"]:
     """Starts around the coordinates of the problem's own model."""
-    return starts_around(np.array([float(p.coordinate_from_shape(p.shape)) for p in problem.searched]), problem.bounds)
+    at = [np.zeros(0), *(np.atleast_1d(p.coordinate_from_shape(p.shape)) for p in problem.searched)]
+    return starts_around(np.concatenate(at), problem.bounds)
 
 
-def starts_around(at: Float[np.ndarray, " K"], bounds: Float[np.ndarray, "K 2"]) -> Float[np.ndarray, "S K"]:
+def starts_around(at: Float[np.ndarray, " C"], bounds: Float[np.ndarray, "C 2"]) -> Float[np.ndarray, "S C"]:
     """Coordinates, and those with one of them moved."""
     moves = _MOVED * np.eye(len(at))
     return np.clip(np.concatenate([at[None], at + moves, at - moves]), *bounds.T)
@@ -100,7 +101,7 @@ def _whitened(whitener: Float[np.ndarray, "B J J"], nu: Float[np.ndarray, "B J"]
 
 def solve_near(
     problem: Problem,
-    starts: Float[np.ndarray, "S K"],
+    starts: Float[np.ndarray, "S C"],
     y: Float[np.ndarray, "B J"],
     whitener: Float[np.ndarray, "B J J"],
     tau: Float[np.ndarray, " J"],
@@ -139,7 +140,7 @@ def fitted_variances(layout: Layout, shapes: Any, solution: Solution, tau: Any) 
     for i, kind in enumerate(layout.kinds):
         if i < layout.num_shapes:
             unit = jax.vmap(lambda z, kind=kind: kind.unit_wavelet_variance(kind.shape_from_coordinate(z), tau))(
-                solution.coordinates[:, i]
+                solution.coordinates[:, layout.position(i)]
             )
         else:
             unit = kind.unit_wavelet_variance(shapes[i - layout.num_shapes], tau)[None]
@@ -153,7 +154,7 @@ def parameter_values(problem: Problem, solution: Solution) -> Float[np.ndarray, 
     for i, p in enumerate(problem.processes):
         shape = p.shape
         if i < problem.layout.num_shapes:
-            shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, i]))
+            shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, problem.layout.position(i)]))
         values = [*shape, p.value_of(jnp.asarray(solution.amplitudes[:, i]))]
         columns.append(np.stack(np.broadcast_arrays(*map(np.asarray, values)), axis=1))
         times.append(np.broadcast_to(p.correlation_time(shape) if shape else 0.0, len(solution.objective)))

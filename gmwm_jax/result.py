@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._check import agreed_rate, sampling_rate
@@ -188,6 +189,8 @@ class Fit:
         errors = np.full(self.model.num_parameters, np.nan)
         if self.covariance is not None:
             errors[list(self.active)] = np.sqrt(np.diag(self.covariance))
+            if any(p.num_coordinates > 1 for p in self.model.processes):  # the real line mixes their parameters
+                errors = np.asarray(delta_method(_lines, self.model, self.active, self.covariance))
         return parameter_table(self.model, self.unit, errors=errors, **self._at_level())
 
     def continuous(self, rate: float | None = None) -> EstimateTable:
@@ -289,6 +292,10 @@ class Fit:
         from gmwm_jax.plot import plot_fit
 
         return plot_fit(self, **options)
+
+
+def _lines(model: Composite) -> Array:
+    return model.parameter_lines()
 
 
 @dataclass(frozen=True, repr=False)

@@ -72,19 +72,21 @@ def sweep(
     for row, place in zip(present, places, strict=True):
         row[place] = True
 
-    _, nodes = starting_points(problem.searched, tau_max, key)
+    _, nodes = starting_points(problem, tau_max, key)
     made: dict[str, np.ndarray] = {}
     for part in parts:
         if repr(part.searched) not in made:
-            made[repr(part.searched)] = starting_points(part.searched, tau_max, key)[0]
+            made[repr(part.searched)] = starting_points(part, tau_max, key)[0]
     lattices = [made[repr(part.searched)] for part in parts]
     num_rows = max(len(nodes), *map(len, lattices))
     rows = np.arange(num_rows)
     placements = np.repeat(problem.bounds[None, None, :, 0], len(parts), axis=0).repeat(num_rows, axis=1)
-    for full, own, place in zip(placements, lattices, places, strict=True):
-        full[:, place[: own.shape[1]]] = own[rows % len(own)]
-    K = problem.layout.num_shapes
-    nodes = np.where(present[:, None, :K], nodes[rows % len(nodes)], problem.bounds[:, 0])
+    columns = [_columns(problem, part, place) for part, place in zip(parts, places, strict=True)]
+    moving = np.zeros((len(parts), len(problem.bounds)), dtype=bool)
+    for full, free, own, at_columns in zip(placements, moving, lattices, columns, strict=True):
+        full[:, at_columns] = own[rows % len(own)]
+        free[at_columns] = True
+    nodes = np.where(moving[:, None], nodes[rows % len(nodes)], problem.bounds[:, 0])
 
     whitener = np.linalg.cholesky(omega).T
     y = whitener @ wv.variance
@@ -94,13 +96,18 @@ def sweep(
     fits = []
     for m, (part, place) in enumerate(zip(parts, places, strict=True)):
         own = Solution(*(leaf[m] for leaf in found))
-        own = own._replace(
-            coordinates=own.coordinates[place[: part.layout.num_shapes]], amplitudes=own.amplitudes[place]
-        )
-        num = NUM_ROUNDS * NUM_DESCENTS if K else 1
+        own = own._replace(coordinates=own.coordinates[columns[m]], amplitudes=own.amplitudes[place])
+        num = NUM_ROUNDS * NUM_DESCENTS if problem.searched else 1
         fits.append(as_fit(part, own, wv, omega, unit=unit, num_descents=num, weights=weights, rate=rate, level=level))
     found = found._replace(objective=found.objective * unit**2)
     return Sweep(problem, present, found, tuple(fits))
+
+
+def _columns(problem: Problem, part: Problem, place: list[int]) -> list[int]:
+    """Where the search coordinates of a part stand among those of the whole."""
+    every = np.arange(len(problem.bounds))
+    found = [np.atleast_1d(every[problem.layout.position(i)]) for i in place[: part.layout.num_shapes]]
+    return [int(c) for own in found for c in own]
 
 
 def _in_chunks(function: Any, *arrays: np.ndarray, size: int, advance: Callable[[int], Any] | None = None) -> Solution:

@@ -18,7 +18,8 @@ import re
 from typing import Any, NamedTuple
 
 from gmwm_jax._check import as_float, sampling_rate
-from gmwm_jax.continuous import CONTINUOUS, ContinuousForm
+from gmwm_jax.continuous import ContinuousForm, continuous_form
+from gmwm_jax.processes.registry import process_class
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
@@ -202,7 +203,7 @@ def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[
     Parameters
     ----------
     kind
-        ``WN``, ``GM``, ..: a name in `CONTINUOUS`.
+        ``WN``, ``GM``, ..
     parameters
         In the order of the process class: (sigma2,) of WN, (beta, variance) of GM.
     rate
@@ -217,7 +218,7 @@ def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[
     Raises
     ------
     ValueError
-        Unknown process, another number of parameters, a rate that is not positive.
+        Unknown process, one without such a form (ARMA), another number of parameters, a rate that is not positive.
     RuntimeError
         x64 is off.
     """
@@ -229,13 +230,14 @@ def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[
 def from_continuous(kind: str, quantities: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
     """Inverse of `to_continuous`: continuous-time filter quantities in SI to per-sample parameters."""
     form, values = _form(kind, quantities)
+    assert form.inverse is not None  # `_form` has seen to it
     return form.inverse(*values, sampling_rate(rate))
 
 
 def _form(kind: str, values: tuple[Any, ...]) -> tuple[ContinuousForm, tuple[Any, ...]]:
-    if kind not in CONTINUOUS:
-        raise ValueError(f"Unknown process {kind!r}; there are {', '.join(CONTINUOUS)}.")
-    form = CONTINUOUS[kind]
+    form = continuous_form(process_class(kind))
+    if form.inverse is None:
+        raise ValueError(f"{kind} has no continuous-time form: its coefficients belong to the sampling rate.")
     if len(values) != len(form.filter):
         raise ValueError(f"{kind} has {len(form.filter)} parameters, and {len(values)} were given.")
     return form, tuple(as_float(v) for v in values)

@@ -15,6 +15,9 @@ the middle of one filter meets one of the other's, and varies there on the scale
 double in length away from every kink, and in each a Gauss rule *for sums over integers*, whose orthogonal polynomials
 are the discrete Chebyshev (Gram) polynomials; exact for polynomials up to degree 2Q - 1 and, on panels of up to Q
 points, for everything. Even and odd lags are summed apart, so that an AR1 with phi < 0 is smooth as well.
+What rings (an ARMA with complex roots) takes shorter panels; 16 turns before it has fallen by e are still resolved, and
+beyond the error grows to 10 % for what rings for ever, which should be a SIN. Under jit, where a model's roots are not
+known, panels are for three turns.
 """
 
 from functools import lru_cache
@@ -34,6 +37,8 @@ from gmwm_jax.wavelet import check_num_levels, num_coefficients, scales
 
 _NODES = 8
 """Q, Gauss nodes in a panel."""
+_RESOLVED = {1: 1.0, 4: 5.0, 16: 20.0, 64: 100.0}
+"""Fineness of panels -> the ringing, radians an e-folding, that they resolve: the sums keep 8 digits."""
 
 
 class LagQuadrature(NamedTuple):
@@ -64,26 +69,26 @@ def _gauss_for_sums(count: int) -> tuple[Float[np.ndarray, " Q"], Float[np.ndarr
     return nodes, count * vectors[0] ** 2
 
 
-def _panels(first: int, last: int, graded_left: bool, graded_right: bool) -> list[tuple[int, int]]:
-    """Cut the integers first..last into panels [start, stop) that double in length away from the graded ends."""
+def _panels(first: int, last: int, graded_left: bool, graded_right: bool, fineness: int) -> list[tuple[int, int]]:
+    """Cut the integers first..last into panels [start, stop), as long as they lie away from a graded end / fineness."""
     if last < first:
         return []
     if graded_left and graded_right:
         middle = (first + last) // 2
-        return _panels(first, middle, True, False) + _panels(middle + 1, last, False, True)
+        return _panels(first, middle, True, False, fineness) + _panels(middle + 1, last, False, True, fineness)
     panels, length, start = [], 2 * _NODES, first
     while start <= last:
         stop = min(start + length, last + 1)
         panels.append((start, stop))
-        length = max(2 * _NODES, stop - first)
+        length = max(2 * _NODES, (stop - first) // fineness)
         start = stop
     # graded towards the other end: the same, mirrored
     return panels if graded_left else [(first + last + 1 - b, first + last + 1 - a) for a, b in reversed(panels)]
 
 
 @lru_cache(maxsize=16)
-def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
-    """Nodes and weights for a record of N samples and levels 1..J."""
+def lag_quadrature(num_samples: int, num_levels: int, fineness: int = 1) -> LagQuadrature:
+    """Nodes and weights for a record of N samples and levels 1..J, in panels shorter by a factor."""
     tau = scales(num_levels).astype(int)
     M = num_coefficients(num_samples, num_levels)
     j, k = np.tril_indices(num_levels)
@@ -92,10 +97,10 @@ def lag_quadrature(num_samples: int, num_levels: int) -> LagQuadrature:
         lowest, highest = -(num_samples - tau_j), num_samples - tau_k
         kinks = sorted({a * (tau_j // 2) - b * (tau_k // 2) for a in range(3) for b in range(3)})
         edges = [h for h in kinks if lowest <= h <= highest]
-        here = _panels(lowest, edges[0] - 1, False, True)
+        here = _panels(lowest, edges[0] - 1, False, True, fineness)
         for left, right in zip(edges, [*edges[1:], None], strict=True):
             here.append((left, left + 1))
-            here += _panels(left + 1, highest if right is None else right - 1, True, right is not None)
+            here += _panels(left + 1, highest if right is None else right - 1, True, right is not None, fineness)
         panels += here
         pair_of += [pair] * len(here)
 
@@ -164,7 +169,13 @@ def wv_covariance(
     if efficiency is not None:
         require_no_mean(model)
         polynomial = biweight(efficiency).polynomial
-    return _covariance(model, lag_quadrature(num_samples, J), polynomial, J)
+    return _covariance(model, lag_quadrature(num_samples, J, _fineness(model)), polynomial, J)
+
+
+def _fineness(model: Composite) -> int:
+    """How much shorter panels must be than for what only decays: until a ringing has died out they hold few turns."""
+    ringing = max(p.ringing(p.shape) for p in model.processes)
+    return next((fineness for fineness, resolved in _RESOLVED.items() if ringing <= resolved), max(_RESOLVED))
 
 
 def require_no_mean(model: Composite) -> None:

@@ -18,6 +18,7 @@ GMWM_JAX = """
     processes/__init__ processes/_parameter processes/_haar processes/_recursion processes/_circulant
     processes/_state_space processes/_base
     processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
+    processes/_doubling processes/_arma_covariance processes/arma
     processes/matern processes/_power_law processes/fractional processes/flicker processes/sinusoid
     processes/registry
     continuous units

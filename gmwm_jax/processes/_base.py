@@ -8,6 +8,7 @@ One more process is one file that derives from `AbstractProcess`, one entry in `
 """
 
 import abc
+import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -37,6 +38,10 @@ class AbstractProcess(eqx.Module):
     """In the order of the fields; the last one carries the amplitude."""
     repeatable: ClassVar[bool] = False
     """May a model hold several? Only where shapes tell them apart."""
+    white_part: ClassVar[int | None] = None
+    """Degree, as a polynomial in cos(2 pi f), of the part of the spectrum that has no pole; None if there is none."""
+    adjusts_white_part: ClassVar[bool] = False
+    """Can its shape imitate every such part up to its degree?"""
     ergodic: ClassVar[bool] = True
     """Does one record tell the law of all? Else its wavelet variance has no covariance of the usual kind."""
     fixed: tuple[str, ...] = eqx.field(static=True)
@@ -126,6 +131,11 @@ class AbstractProcess(eqx.Module):
         """
 
     @classmethod
+    def ringing(cls, shape: tuple[Any, ...]) -> float:
+        """Radians that the autocovariance turns through while it falls by e; a guess where the shape is traced."""
+        return 0.0
+
+    @classmethod
     def unit_haar_mean(cls, n_j: Float[Array, "*P"]) -> Float[Array, "*P"]:
         """E(W_{j,t}) for unit amplitude: zero but for a deterministic process."""
         return jnp.zeros_like(n_j)
@@ -148,11 +158,14 @@ class AbstractProcess(eqx.Module):
         """Inverse of `amplitude_of`."""
         return amplitude
 
-    # -- the coordinate that estimation searches over: only for processes with a shape parameter -------------------
+    # -- the coordinates that estimation searches over: only for processes with a shape parameter ------------------
+
+    num_coordinates: ClassVar[int] = 1
+    """Search coordinates of a component with a free shape; where there are several, they are the last axis."""
 
     @classmethod
     def shape_from_coordinate(cls, coordinate: Any) -> tuple[Any, ...]:
-        """The shape parameters from a coordinate on the real line."""
+        """The shape parameters from coordinates on the real line."""
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
@@ -161,8 +174,11 @@ class AbstractProcess(eqx.Module):
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
-    def coordinate_bounds(cls, tau_max: float) -> tuple[float, float]:
-        """The interval of the coordinate: beyond its ends the wavelet variance up to tau_max no longer changes."""
+    def coordinate_bounds(cls, tau_max: float) -> tuple[Any, Any]:
+        """The interval of the coordinate: beyond its ends the wavelet variance up to tau_max no longer changes.
+
+        Where there are several coordinates, an interval for each.
+        """
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
@@ -171,11 +187,11 @@ class AbstractProcess(eqx.Module):
         return ""
 
     @classmethod
-    def start_nodes(cls, tau_max: float, num: int) -> tuple[float, ...]:
+    def start_nodes(cls, tau_max: float, num: int) -> tuple[Any, ...]:
         """Coordinates, increasing, at which a search over records with spans up to tau_max starts.
 
-        The ends of `coordinate_bounds` are among them: a minimum at a limit is there at once, where a descent in the
-        logarithm of a correlation time only crawls.
+        Where there are several, points that fill their box. The ends of `coordinate_bounds` are among them: a minimum
+        at a limit is there at once, where a descent in the logarithm of a correlation time only crawls.
         """
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
@@ -199,12 +215,12 @@ class AbstractProcess(eqx.Module):
         nu^2(tau) in squared signal units; half the Allan variance at averaging time tau/2 samples.
         """
         self.require_complete()
-        return _scaled(self.unit_wavelet_variance, self.amplitude, self.shape, spans(tau))
+        return scaled(self.unit_wavelet_variance, self.amplitude, self.shape, spans(tau))
 
     def psd(self, frequency: Any) -> Float[Array, "*F"]:
         """Two-sided power spectral density: u^2 per (cycle per sample), frequency in (0, 1/2]."""
         self.require_complete()
-        return _scaled(self.unit_psd, self.amplitude, self.shape, as_float(frequency))
+        return scaled(self.unit_psd, self.amplitude, self.shape, as_float(frequency))
 
     def autocovariance(self, lag: Any) -> Float[Array, "*L"]:
         """Autocovariance at integer lags in samples, in squared signal units.
@@ -215,12 +231,20 @@ class AbstractProcess(eqx.Module):
             The process is not stationary.
         """
         self.require_complete()
-        return _scaled(self.unit_autocovariance, self.amplitude, self.shape, jnp.abs(as_float(lag)))
+        return scaled(self.unit_autocovariance, self.amplitude, self.shape, jnp.abs(as_float(lag)))
 
     def unconstrained(self) -> Float[Array, " P"]:
         """Parameters mapped to the real line, in order: logs, or logits where the interval is bounded."""
         self.require_complete()
-        return jnp.stack([p.to_line(v) for v, p in zip(self.values, self.parameters, strict=True)])
+        return jnp.stack(self.to_lines(self.values))
+
+    @classmethod
+    def to_lines(cls, values: Sequence[Any]) -> list[Any]:
+        """`unconstrained` of values, or of arrays of them, without a process.
+
+        One parameter after the other, unless the interval of one depends on the others.
+        """
+        return [p.to_line(v) for v, p in zip(values, cls.parameters, strict=True)]
 
     @classmethod
     def from_unconstrained(cls, vector: Float[Array, " P"]) -> "AbstractProcess":
@@ -275,6 +299,14 @@ class Composite(eqx.Module):
                 )
         if {"GM", "AR1"} <= {cls.kind for cls in counts}:
             raise ValueError("GM and AR1 are one process in two parametrisations: use one of them in a model.")
+        for a, b in itertools.permutations(counts, 2):
+            if a.white_part is None or b.white_part is None or not a.adjusts_white_part:
+                continue
+            if b.white_part <= a.white_part:
+                raise ValueError(
+                    f"{a.kind} and {b.kind} cannot be told apart: {a.kind} with other coefficients is their sum. "
+                    f"Leave {b.kind} out."
+                )
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -311,6 +343,10 @@ class Composite(eqx.Module):
         """All parameters on the real line, in the order of the components."""
         return jnp.concatenate([p.unconstrained() for p in self.processes])
 
+    def parameter_lines(self) -> Float[Array, " P"]:
+        """All parameters, each on the real line of its own interval, whatever the others are."""
+        return jnp.stack([q.to_line(v) for p in self.processes for q, v in zip(p.parameters, p.values, strict=True)])
+
     def with_unconstrained(self, vector: Float[Array, " P"]) -> "Composite":
         """A model of the same components with the parameters of `vector`, see `unconstrained`."""
         processes, start = [], 0
@@ -339,7 +375,7 @@ class Composite(eqx.Module):
 
 
 @partial(jax.jit, static_argnums=0)
-def _scaled(unit: Callable[..., Array], amplitude: Array, shape: tuple[Array, ...], at: Array) -> Array:
+def scaled(unit: Callable[..., Array], amplitude: Array, shape: tuple[Array, ...], at: Array) -> Array:
     """Theory for unit amplitude, times the amplitude; compiled as a whole, once a class of process and length."""
     return amplitude * unit(shape, at)
 

@@ -27,14 +27,25 @@ def second_differences(
     K: Callable[[Any, Any], Any], lag: Points, parity: Points, n_j: Points, n_k: Points
 ) -> Float[Array, "*P"]:
     """sum_ab c_a c_b K(|m|, (-1)^m) / (tau_j tau_k) with m = lag - a n_j + b n_k."""
+    total = jnp.zeros_like(lag)
+    for m, m_parity, weight in nine_terms(lag, parity, n_j, n_k):
+        total = total + weight * K(m, m_parity)
+    return total / (4 * n_j * n_k)
+
+
+def nine_terms(lag: Points, parity: Points, n_j: Points, n_k: Points) -> list[tuple[Points, Points, float]]:
+    """Lag |m|, parity (-1)^m and weight c_a c_b of the terms of a second difference in both coefficients."""
     # n = 2^(j-1) is odd only at level 1
     sign_j, sign_k = jnp.where(n_j == 1, -1.0, 1.0), jnp.where(n_k == 1, -1.0, 1.0)
-    total = jnp.zeros_like(lag)
-    for a, c_a in enumerate((1.0, -2.0, 1.0)):
-        for b, c_b in enumerate((1.0, -2.0, 1.0)):
-            m_parity = parity * (sign_j if a == 1 else 1.0) * (sign_k if b == 1 else 1.0)
-            total = total + c_a * c_b * K(jnp.abs(lag - a * n_j + b * n_k), m_parity)
-    return total / (4 * n_j * n_k)
+    return [
+        (
+            jnp.abs(lag - a * n_j + b * n_k),
+            parity * (sign_j if a == 1 else 1.0) * (sign_k if b == 1 else 1.0),
+            c_a * c_b,
+        )
+        for a, c_a in enumerate((1.0, -2.0, 1.0))
+        for b, c_b in enumerate((1.0, -2.0, 1.0))
+    ]
 
 
 def gap(lag: Points, n_j: Points, n_k: Points) -> Float[Array, "*P"]:

@@ -33,6 +33,7 @@ class QN(AbstractProcess):
     q2: Scalar | None
 
     kind: ClassVar[str] = "QN"
+    white_part: ClassVar[int | None] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("q2", "({u})^2", "variance of the rounding error"),)
 
     def __init__(self, q2: Any = None):

@@ -1,10 +1,12 @@
 """The table of processes, and models from text: ``"WN + RW + 3*GM"``."""
 
 import re
+from collections.abc import Callable
 from typing import Any
 
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
+from gmwm_jax.processes.arma import AR, ARMA, MA
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
@@ -18,10 +20,20 @@ from gmwm_jax.processes.white_noise import WN
 _ALL: tuple[type[AbstractProcess], ...] = (WN, QN, RW, DR, AR1, GM, MAT32, MAT52, FGN, BI, SIN)
 
 PROCESSES: dict[str, type[AbstractProcess]] = {cls.kind: cls for cls in _ALL}
-"""By their name in a model text."""
+"""By their name in a model text; ARMA processes of all orders come from `process_class`."""
+_FAMILIES: dict[str, tuple[Callable[..., type[AbstractProcess]], int]] = {
+    "AR": (AR, 1),
+    "MA": (MA, 1),
+    "ARMA": (ARMA, 2),
+}
+"""With the number of their orders."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_TERM = re.compile(r"\s*(?:(?P<count>\d+)\s*\*?\s*)?(?P<kind>[A-Za-z]\w*)\s*(?:\((?P<arguments>[^()]*)\))?\s*")
+_ORDERS = re.compile(r"\s*(?P<family>AR|MA|ARMA)\s*\((?P<orders>[\d\s,]*)\)\s*", re.IGNORECASE)
+_TERM = re.compile(
+    rf"\s*(?:(?P<count>\d+)\s*\*?\s*)?(?P<kind>{_ORDERS.pattern}|[A-Za-z]\w*)\s*(?:\((?P<arguments>[^()]*)\))?\s*",
+    re.IGNORECASE,
+)
 _ARGUMENT = re.compile(rf"\s*(?P<name>\w+)\s*=\s*(?P<value>{_NUMBER})\s*(?P<fixed>fixed)?\s*")
 
 
@@ -31,8 +43,8 @@ def parse_model(text: str) -> Composite:
     Parameters
     ----------
     text
-        Terms joined by ``+``: ``WN``, ``3*GM``, with starting values ``GM(beta=0.01)`` or held ones
-        ``GM(beta=0.01 fixed)``; values are per sample.
+        Terms joined by ``+``: ``WN``, ``3*GM``, ``ARMA(2,1)``, with starting values ``GM(beta=0.01)`` or held ones
+        ``GM(beta=0.01 fixed)``, ``AR(2)(phi1=0.5, phi2=0.2)``; values are per sample.
 
     Returns
     -------
@@ -56,10 +68,8 @@ def parse_model(text: str) -> Composite:
             raise ValueError(
                 f"Cannot read the model {text!r} from {text[at:]!r} on: expected a process such as WN or 3*GM."
             )
-        kind = term["kind"].upper()
-        if kind not in PROCESSES:
-            raise ValueError(f"Unknown process {term['kind']!r} in the model {text!r}. Known: {', '.join(PROCESSES)}.")
-        cls = PROCESSES[kind]
+        cls = process_class(term["kind"], f" in the model {text!r}")
+        kind = cls.kind
         arguments = _arguments(term["arguments"] or "", cls, text)
         if term["count"] and int(term["count"]) == 0:
             raise ValueError(f"The model {text!r} takes {kind} 0 times: leave it out.")
@@ -70,6 +80,34 @@ def parse_model(text: str) -> Composite:
         if text[at] != "+":
             raise ValueError(f"Cannot read the model {text!r} from {text[at:]!r} on: expected '+'.")
         at += 1
+
+
+def process_class(kind: str, where: str = "") -> type[AbstractProcess]:
+    """Return the class of a process by its name, such as ``GM`` or ``ARMA(2,1)``.
+
+    Parameters
+    ----------
+    kind
+        The name, in letters of any case.
+    where
+        What an error adds to the name.
+
+    Raises
+    ------
+    ValueError
+        There is no process of this name, or of these orders.
+    """
+    match = _ORDERS.fullmatch(kind)
+    if match:
+        family, num = _FAMILIES[match["family"].upper()]
+        orders = [int(n) for n in match["orders"].split(",") if n.strip()]
+        if len(orders) == num:
+            return family(*orders)
+    elif kind.upper() in PROCESSES:
+        return PROCESSES[kind.upper()]
+    raise ValueError(
+        f"Unknown process {kind.strip()!r}{where}. Known: {', '.join(PROCESSES)}, AR(p), MA(q), ARMA(p,q)."
+    )
 
 
 def _arguments(text: str, cls: type[AbstractProcess], model: str) -> dict[str, Any]:

@@ -30,6 +30,7 @@ class WN(AbstractProcess):
     sigma2: Scalar | None
 
     kind: ClassVar[str] = "WN"
+    white_part: ClassVar[int | None] = 0
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("sigma2", "({u})^2", "variance"),)
 
     def __init__(self, sigma2: Any = None):

@@ -17,6 +17,7 @@ import pytest
 import scipy.linalg
 
 from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes.arma import AR, ARMA, MA
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
@@ -54,6 +55,7 @@ class Case:
     gaussian: bool = True
     rtol: float = 1e-13
     """What the wavelet variance keeps."""
+    second_derivatives_rtol: float = 1e-9
     short_memory: Callable[..., bool] = lambda *parameters: True
     """Has the correlation of this parameter set died out, to 1e-11, after 2^19 samples?"""
 
@@ -155,6 +157,58 @@ def _flicker_steps(B, num):
     return [K[h + 2] + K[abs(h - 2)] - 4 * (K[h + 1] + K[abs(h - 1)]) + 6 * K[h] for h in range(num)]
 
 
+def _arma(p, q):
+    """Laws of ARMA(p, q): functions of (phi_1 .. phi_p, theta_1 .. theta_q, sigma2, x)."""
+
+    def gammas(values, num):
+        """From the Yule-Walker equations gamma_k - sum_i phi_i gamma_{k-i} = sigma2 sum_{j>=k} theta_j psi_{j-k}."""
+        phi, theta, sigma2 = values[:p], [MP.mpf(1), *values[p : p + q]], values[-1]
+        psi = []
+        for j in range(q + 1):
+            psi.append(theta[j] + sum(phi[i - 1] * psi[j - i] for i in range(1, min(j, p) + 1)))
+        right = [sigma2 * sum(theta[j] * psi[j - k] for j in range(k, q + 1)) for k in range(max(p, q) + 1)]
+        A = MP.zeros(len(right))
+        for k in range(len(right)):
+            A[k, k] += 1
+            for i in range(1, p + 1):
+                A[k, abs(k - i)] -= phi[i - 1]
+        gamma = list(MP.lu_solve(A, MP.matrix(right)))
+        while len(gamma) < num:
+            gamma.append(sum((phi[i - 1] * gamma[-i] for i in range(1, p + 1)), start=MP.mpf(0)))
+        return gamma[:num]
+
+    def closed_form(*arguments):
+        """gamma_h = sum_i c_i lambda_i^h over the roots from some lag on, and the sums of powers in closed form."""
+        *values, tau = arguments
+        first, n = max(0, q - p + 1), tau // 2
+        gamma = gammas(values, first + p + 1)
+        polynomial = [*(-a for a in reversed(values[:p])), MP.mpf(1)]
+        roots = MP.polyroots(polynomial, maxsteps=500, extraprec=500, asc=True) if p else []
+        powers = MP.matrix([[x ** (first + k) for x in roots] for k in range(p)]) if p else None
+        c = list(MP.lu_solve(powers, MP.matrix(gamma[first : first + p]))) if p else []
+
+        def variance_of_sum(m):
+            total = m * gamma[0] + 2 * sum((m - h) * gamma[h] for h in range(1, min(first, m)))
+            for x, factor in zip(roots, c, strict=True):
+                total += 2 * MP.re(factor * (_lag_sum(x, m, 0) - sum((m - h) * x**h for h in range(1, first))))
+            return total
+
+        return (4 * variance_of_sum(n) - variance_of_sum(2 * n)) / (4 * MP.mpf(n) ** 2)
+
+    def psd(*arguments):
+        *values, f = arguments
+        z = MP.expjpi(-2 * f)
+        above = 1 + sum((t * z**j for j, t in enumerate(values[p : p + q], start=1)), start=MP.mpf(0))
+        below = 1 - sum((a * z**i for i, a in enumerate(values[:p], start=1)), start=MP.mpf(0))
+        return values[-1] * abs(above / below) ** 2
+
+    return {
+        "closed_form": closed_form,
+        "autocovariance": lambda *arguments: gammas(arguments[:-1], arguments[-1]),
+        "psd": psd,
+    }
+
+
 _BETAS = (1e-12, 1e-9, 1e-6, 1e-4, 1.688923e-3, 1e-2, 0.1, 0.3, 0.7, 1.0, 2.0, 5.0, 20.0, 50.0)
 _PHIS = (
     -0.999999, -0.9, -0.5, -1e-8, 0.0, 1e-8, 0.1269, 0.499, 0.501, 0.9, 0.9983125, 0.999999, 1 - 1e-9, 1 - 1e-12,
@@ -226,6 +280,36 @@ CASES = (
             short_memory=lambda beta, variance: beta >= 2e-4,
         )
         for cls, polynomial in ((MAT32, ((1, 1), (1, 1))), (MAT52, ((1, 1), (1, 1), (1, 3))))
+    ),
+    Case(
+        AR(2),
+        # real roots of both signs, complex ones, a slow oscillation, 0.999 and 0.5, 1 - 1e-6 and 0.5
+        parameters=(
+            (0.5, 0.2, 1.7),
+            (1.5, -0.8, 1.0),
+            (-0.6, 0.3, 1.0),
+            (1.93, -0.9409, 1.0),
+            (1.499, -0.4995, 1.0),
+            (1.499999, -0.4999995, 1.0),
+        ),
+        outside=((np.nan, 0.1, 1.0), (2.1, 0.1, 1.0), (0.1, 1.0, 1.0), (0.5, 0.2, -1.0), (0.5, 0.2, np.inf)),
+        **_arma(2, 0),
+        rtol=1e-10,
+        second_derivatives_rtol=1e-8,  # of 1/delta at delta = 1 - phi1 - phi2 = 5e-7, which doubles know to 1e-10
+        short_memory=lambda phi_1, phi_2, sigma2: phi_1 != 1.499999,
+    ),
+    Case(
+        MA(1),
+        parameters=((0.5, 1.3), (-0.9, 1.0), (0.0, 1.0), (-0.999999, 2.0)),
+        outside=((np.nan, 1.0), (1.0, 1.0), (-1.5, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        **_arma(0, 1),
+    ),
+    Case(
+        ARMA(2, 1),
+        parameters=((1.5, -0.8, 0.4, 1.0), (0.5, 0.2, -0.6, 2.0), (1.89, -0.891, -0.5, 1.0)),
+        outside=((0.5, 0.2, 1.5, 1.0), (np.nan, 0.2, 0.3, 1.0), (0.5, 0.2, 0.3, -1.0)),
+        **_arma(2, 1),
+        rtol=1e-12,
     ),
     Case(
         FGN,

@@ -5,7 +5,7 @@ from gmwm.cases import rows
 
 from gmwm_jax.processes._base import Composite
 from gmwm_jax.processes.gauss_markov import GM
-from gmwm_jax.processes.registry import PROCESSES, as_model, parse_model
+from gmwm_jax.processes.registry import as_model, parse_model, process_class
 from gmwm_jax.processes.white_noise import WN
 
 
@@ -36,7 +36,7 @@ def test_parse(text, meant):
 def test_text_of_every_process_reads_back(case):
     kind = case.cls.kind
     assert type(parse_model(kind).processes[0]) is case.cls
-    assert PROCESSES[kind] is case.cls
+    assert process_class(kind) is case.cls
     names = [p.name for p in case.cls.parameters]
     values = [0.25] * len(names)
     model = Composite((case.cls(*values).fix(names[0]),))
