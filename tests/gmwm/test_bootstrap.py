@@ -96,11 +96,11 @@ def test_both_routes_and_theory_agree(fit, boot):
 
 @pytest.mark.slow
 def test_intervals_cover_and_the_test_has_its_size():
-    """200 data sets: 95 % intervals of each kind hold the truth, p below 5 % in 5 %, within 4.5 binomial sigmas.
+    """200 data sets: 90 % intervals of each kind hold the truth, p below 10 % in 10 %, within 4.5 binomial sigmas.
 
     The data sets are wavelet variances drawn from theory under the truth; records are compared in another test.
     """
-    num, level = 200, 0.95
+    num, level = 200, 0.9
     exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
     first = gj.fit(exact, "WN + GM", omega="two-step")
     true = replace(first, model=TRUTH)
@@ -109,15 +109,15 @@ def test_intervals_cover_and_the_test_has_its_size():
     inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
     truth = np.array([1.0, 0.03, 0.2])
     for i, f in enumerate(fits.values()):
-        boot = gj.bootstrap(f, 200, key=jax.random.fold_in(jax.random.key(10), i))
-        small += boot.p_value < 0.05
+        boot = gj.bootstrap(f, 100, key=jax.random.fold_in(jax.random.key(10), i))
+        small += boot.p_value < 0.1
         for kind in inside:
             low, high = boot.interval(kind, level)
             inside[kind] += (low < truth) & (truth < high)
     band = SIGMAS * np.sqrt(level * (1 - level) / num)
     for counts in inside.values():
         assert np.abs(counts / num - level).max() < band
-    assert abs(small / num - 0.05) < band
+    assert abs(small / num - 0.1) < band
 
 
 def test_a_wrong_model_is_found(wv):

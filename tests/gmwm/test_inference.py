@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
+from gmwm_jax import inference
+from gmwm_jax.continuous import CONTINUOUS
 from gmwm_jax.estimates import LogQuantities
 from gmwm_jax.inference import delta_method, normal_quantile, parameter_covariance
 from gmwm_jax.result import Status
@@ -246,19 +248,24 @@ def test_the_dwt_has_no_overlapping_allan_deviation_and_no_intervals():
 
 
 def test_tables_compile_once():
-    """A second fit with other numbers reuses the compiled covariance and delta method."""
+    """Another fit reuses the compiled covariance and delta method, at a boundary as well."""
     fits = [
         gj.fit(gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(i))), rate=1.0), "WN + GM")
         for i in range(2)
     ]
     fits[0].summary()
-    before = parameter_covariance._cache_size(), delta_method._cache_size()
+    programs = inference._parameter_covariance, inference._delta_method
+    before = [p._cache_size() for p in programs]
     fits[1].summary()
-    assert (parameter_covariance._cache_size(), delta_method._cache_size()) == before
+    white = gj.wavelet_variance(np.asarray(gj.simulate("WN(sigma2=1)", 2**14, key=jax.random.key(2))), rate=1.0)
+    lost = gj.fit(white, "WN + GM")
+    assert lost.at_boundary
+    lost.summary()
+    assert [p._cache_size() for p in programs] == before
 
 
 def test_quantities_are_functions_of_the_model():
-    quantities = gj.units.CONTINUOUS["GM"].filter
+    quantities = CONTINUOUS["GM"].filter
     logs = LogQuantities(((), quantities), 10.0)(TRUTH)
     np.testing.assert_allclose(np.exp(logs), [0.1, 2 * 0.1 * 0.1], rtol=1e-12)
 
