@@ -15,16 +15,19 @@ _THRESHOLD = 0.5
 """Below it the series; there the direct forms still have 14 digits."""
 
 
-def _series_or(
-    x: Float[Array, "..."], coefficients: list[float], direct: Callable[[Float[Array, "..."]], Float[Array, "..."]]
+def series_or(
+    x: Float[Array, "..."],
+    coefficients: list[float],
+    direct: Callable[[Float[Array, "..."]], Float[Array, "..."]],
+    threshold: float = _THRESHOLD,
 ) -> Float[Array, "..."]:
-    """The power series with these coefficients for |x| < 1/2, direct(x) beyond."""
-    small = jnp.abs(x) < _THRESHOLD
+    """The power series with these coefficients for |x| < threshold, direct(x) beyond."""
+    small = jnp.abs(x) < threshold
     y = jnp.where(small, x, 0.0)
     series = jnp.full_like(y, coefficients[-1])
     for c in reversed(coefficients[:-1]):
         series = series * y + c
-    return jnp.where(small, series, direct(jnp.where(small, _THRESHOLD, x)))
+    return jnp.where(small, series, direct(jnp.where(small, threshold, x)))
 
 
 def haar_exp(x: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -33,26 +36,26 @@ def haar_exp(x: Float[Array, "..."]) -> Float[Array, "..."]:
     From sum_k (-1)^k (4 - 2^k) x^k / k!, which starts at k = 3.
     """
     series = [(-1) ** k * (4.0 - 2.0**k) / math.factorial(k) for k in range(3, 24)]
-    return _series_or(x, series, lambda y: (2 * y - 3 + 4 * jnp.exp(-y) - jnp.exp(-2 * y)) / (y * y * y))
+    return series_or(x, series, lambda y: (2 * y - 3 + 4 * jnp.exp(-y) - jnp.exp(-2 * y)) / (y * y * y))
 
 
 def sinh_excess(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """exp(-x) (sinh x - x) / x^3 for x >= 0; 1/6 at 0, no overflow for large x."""
     # (1 - exp(-2x) - 2x exp(-x)) / (2 x^3) = sum_k (-1)^k (k - 2^(k-1)) / k! x^(k-3)
     series = [(-1) ** k * (k - 2.0 ** (k - 1)) / math.factorial(k) for k in range(3, 24)]
-    return _series_or(x, series, lambda y: (-jnp.expm1(-2 * y) / 2 - y * jnp.exp(-y)) / (y * y * y))
+    return series_or(x, series, lambda y: (-jnp.expm1(-2 * y) / 2 - y * jnp.exp(-y)) / (y * y * y))
 
 
 def exp_ratio(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """(1 - exp(-x)) / x; 1 at 0. (expm1 alone would keep the value, not the derivative.)"""
     series = [(-1) ** k / math.factorial(k + 1) for k in range(16)]
-    return _series_or(x, series, lambda y: -jnp.expm1(-y) / y)
+    return series_or(x, series, lambda y: -jnp.expm1(-y) / y)
 
 
 def exp_cubic(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """(1 - exp(-x) - x + x^2/2) / x^3; 1/6 at 0."""
     series = [(-1) ** (k + 1) / math.factorial(k) for k in range(3, 19)]
-    return _series_or(x, series, lambda y: (-jnp.expm1(-y) - y + y * y / 2) / (y * y * y))
+    return series_or(x, series, lambda y: (-jnp.expm1(-y) - y + y * y / 2) / (y * y * y))
 
 
 def exp_tail(order: int, x: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -68,16 +71,16 @@ def exp_tail(order: int, x: Float[Array, "..."]) -> Float[Array, "..."]:
             head = head + term
         return (1 - jnp.exp(-y) * head) / y**order
 
-    return x**order * _series_or(x, series, direct)
+    return x**order * series_or(x, series, direct)
 
 
 def four_sinh_squared(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """4 sinh(sqrt(x)/2)^2 = 2 (cosh(sqrt(x)) - 1), an entire function of x."""
     series = [0.0] + [2 / math.factorial(2 * k) for k in range(1, 14)]
-    return _series_or(x, series, lambda y: 4 * jnp.sinh(jnp.sqrt(y) / 2) ** 2)
+    return series_or(x, series, lambda y: 4 * jnp.sinh(jnp.sqrt(y) / 2) ** 2)
 
 
 def sinh_ratio(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """sinh(sqrt(x)) / sqrt(x), an entire function of x; 1 at 0."""
     series = [1 / math.factorial(2 * k + 1) for k in range(14)]
-    return _series_or(x, series, lambda y: jnp.sinh(jnp.sqrt(y)) / jnp.sqrt(y))
+    return series_or(x, series, lambda y: jnp.sinh(jnp.sqrt(y)) / jnp.sqrt(y))

@@ -16,6 +16,7 @@ and the wavelet variance is (2 K(2n) - 8 K(n)) / tau^2 with K(0) = 0. (Matheron 
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -27,10 +28,11 @@ def second_differences(
     K: Callable[[Any, Any], Any], lag: Points, parity: Points, n_j: Points, n_k: Points
 ) -> Float[Array, "*P"]:
     """sum_ab c_a c_b K(|m|, (-1)^m) / (tau_j tau_k) with m = lag - a n_j + b n_k."""
-    total = jnp.zeros_like(lag)
-    for m, m_parity, weight in nine_terms(lag, parity, n_j, n_k):
-        total = total + weight * K(m, m_parity)
-    return total / (4 * n_j * n_k)
+    terms = nine_terms(lag, parity, n_j, n_k)
+    # mapped over the nine terms, K is traced and compiled once
+    lags, parities = (jnp.stack([jnp.broadcast_to(t[i], lag.shape) for t in terms]) for i in (0, 1))
+    weights = jnp.array([weight for *_, weight in terms])
+    return weights @ jax.vmap(K)(lags, parities) / (4 * n_j * n_k)
 
 
 def nine_terms(lag: Points, parity: Points, n_j: Points, n_k: Points) -> list[tuple[Points, Points, float]]:

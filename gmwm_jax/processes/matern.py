@@ -4,34 +4,45 @@ White noise through p equal low-pass filters of time constant 1/beta has the spe
 the GM; p = 2 and 3 are the second- and third-order Gauss-Markov processes of navigation (Gelb 1974, table 2.2-1), and
 in R's MAT(sigma2, lambda, alpha) lambda = beta and alpha = p. Other smoothness has no finite state and is left out.
 
-Derivation. With x = beta |h|,
+Derivation. With x = beta |h| and D = beta d/dbeta,
 
-    (1 + x) exp(-x) = (1 - beta d/dbeta) exp(-x),    (1 + x + x^2/3) exp(-x) = (1 - beta d + beta^2 d^2/3) exp(-x),
+    (1 + x) exp(-x) = (1 - D) exp(-x),    (1 + x + x^2/3) exp(-x) = (1 - D) (1 - D/3) exp(-x),
 
-so everything that is linear in the autocovariance follows from the GM's by differentiation. Where the GM's is beta f,
+so everything that is linear in the autocovariance follows from the GM's by differentiation. For its generalised
+covariance s (1 - exp(-beta m)) - (m/2) coth(beta/2), s = 1/(4 sinh(beta/2)^2), they are, with x = beta m and less
+multiples of 1 and m^2, which no Haar coefficient sees,
 
-    second order: -beta^2 f',    third order: beta^2 (beta f'' - f')/3,
+    second order: s [T + q C + m L],    third order: s [U + (2/3) q T + w C + m Z],
 
-and the stable f of `gauss_markov` gives stable results: f' < 0 < f'' and nothing cancels. For the PSD f is a function
-of y = beta^2, and they are -2 beta^3 df/dy and (4/3) beta^5 d^2f/dy^2.
+    C = 1 - e - x + x^2/2,    T = 3 (1 - e) - x e - 2 x + x^2/2,    U = (5 T - x dT/dx)/3,    e = exp(-x),
+    q = beta coth(beta/2) - 2,                      w = (beta^2 + 6 beta^2 s - 3 beta coth(beta/2))/3,
+    L = beta (1 + q) - sinh(beta),                  Z = beta^3 (1/3 + 2 s) - beta - sinh(beta).
+
+For small beta each of these is a high power of x or beta times a series: C ~ x^3/6, T ~ x^4/24, U ~ x^4/72,
+q ~ beta^2/6, w ~ beta^4/90, L ~ -beta^5/90, Z ~ -beta^7/1890. The wavelet variance (2 K(2n) - 8 K(n))/tau^2 is then
+a sum of positive terms. Where the filters do not overlap the GM's covariance is a product of powers, of which D takes
+the logarithmic derivative. For the PSD the GM's is beta f(y), y = beta^2, and they are -2 beta^3 df/dy and
+(4/3) beta^5 d^2f/dy^2.
 """
 
 from collections.abc import Callable
-from math import comb
+from math import comb, factorial
 from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
+import scipy.special
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._safe import exp_tail, four_sinh_squared, sinh_ratio
+from gmwm_jax._safe import exp_cubic, exp_ratio, exp_tail, four_sinh_squared, haar_exp, series_or, sinh_ratio
 from gmwm_jax._typing import PRNGKey, Scalar
 from gmwm_jax.processes._base import AbstractProcess
+from gmwm_jax.processes._haar import gap, second_differences
 from gmwm_jax.processes._parameter import Parameter
 from gmwm_jax.processes._recursion import first_order_recursion
 from gmwm_jax.processes._state_space import StateSpace
-from gmwm_jax.processes.gauss_markov import GM, haar_covariance_over_beta, wavelet_variance_over_beta
+from gmwm_jax.processes.gauss_markov import GM
 
 # Nearer to white noise than this, a fit reports it: the wavelet variance differs by less than 1 %.
 _WHITE_NOISE_BETA = 10.0
@@ -40,8 +51,86 @@ _LARGEST_BETA = 60.0
 """Beyond it the spectrum is flat in all digits, and cosh(beta) would overflow in the end."""
 
 
+_BERNOULLI = [float(b) / factorial(2 * k) for k, b in enumerate(scipy.special.bernoulli(22)[::2])]
+"""B_2k/(2k)!: half beta coth(beta/2) is the sum of these times beta^2k, and beta^2 s that of -(2k - 1) times them."""
+
+
 def _derivative(f: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda x: jax.jvp(f, (x,), (jnp.ones_like(x),))[1]
+
+
+def _coth(beta: Any) -> Any:
+    return beta / jnp.tanh(beta / 2)
+
+
+def _q(beta: Any) -> Any:
+    """q/beta^2."""
+    series = [2 * b for b in _BERNOULLI[1:]]
+    return series_or(beta * beta, series, lambda y: (_coth(jnp.sqrt(y)) - 2) / y)
+
+
+def _w(beta: Any) -> Any:
+    """w/beta^4."""
+    series = [-4 * k * b for k, b in enumerate(_BERNOULLI)][2:]
+
+    def direct(y: Any) -> Any:
+        return (y + 6 * y / four_sinh_squared(y) - 3 * _coth(jnp.sqrt(y))) / (3 * y * y)
+
+    return series_or(beta * beta, series, direct)
+
+
+def _L(beta: Any) -> Any:
+    """L/beta^5."""
+    series = [2 * b - 1 / factorial(2 * k + 1) for k, b in enumerate(_BERNOULLI)][2:]
+    return series_or(beta * beta, series, lambda y: (_coth(jnp.sqrt(y)) - 1 - sinh_ratio(y)) / (y * y))
+
+
+def _Z(beta: Any) -> Any:
+    """Z/beta^7."""
+    series = [-2 * (2 * k - 1) * b - 1 / factorial(2 * k + 1) for k, b in enumerate(_BERNOULLI)][3:]
+
+    def direct(y: Any) -> Any:
+        return (y / 3 + 2 * y / four_sinh_squared(y) - 1 - sinh_ratio(y)) / (y * y * y)
+
+    return series_or(beta * beta, series, direct)
+
+
+def _T(x: Any) -> Any:
+    """T/x^4."""
+    series = [(-1) ** k * (k - 3) / factorial(k) for k in range(4, 23)]
+    return series_or(x, series, lambda y: (-3 * jnp.expm1(-y) - y * (jnp.exp(-y) + 2 - y / 2)) / y**4, 1.0)
+
+
+def _U(x: Any) -> Any:
+    """U/x^4."""
+    series = [(-1) ** k * (k - 3) * (5 - k) / (3 * factorial(k)) for k in range(4, 23)]
+
+    def direct(y: Any) -> Any:
+        return (-5 * jnp.expm1(-y) - y * ((7 + y) * jnp.exp(-y) + 8 - 1.5 * y) / 3) / y**4
+
+    return series_or(x, series, direct, 1.0)
+
+
+def _haar_T(x: Any) -> Any:
+    """(T(2x) - 4 T(x))/x^4, the response of the wavelet variance."""
+    series = [(-1) ** k * (2.0**k - 4) * (k - 3) / factorial(k) for k in range(4, 29)]
+
+    def direct(y: Any) -> Any:
+        e = jnp.exp(-y)
+        return (-9 + e * (12 - 3 * e) + y * (4 + e * (4 - 2 * e))) / y**4
+
+    return series_or(x, series, direct, 1.0)
+
+
+def _haar_U(x: Any) -> Any:
+    """(U(2x) - 4 U(x))/x^4."""
+    series = [(-1) ** k * (2.0**k - 4) * (k - 3) * (5 - k) / (3 * factorial(k)) for k in range(4, 29)]
+
+    def direct(y: Any) -> Any:
+        e = jnp.exp(-y)
+        return (-15 + e * (20 - 5 * e) + y * (16 + e * (28 - 14 * e) + y * e * (4 - 4 * e)) / 3) / y**4
+
+    return series_or(x, series, direct, 1.0)
 
 
 class _Matern(AbstractProcess):
@@ -58,20 +147,57 @@ class _Matern(AbstractProcess):
         self._set(beta=beta, variance=variance)
 
     @classmethod
-    def _from_gauss_markov(cls, f: Callable[[Any], Any], beta: Any) -> Any:
-        """A linear function of the autocovariance from that of the GM, divided by beta."""
-        slope = _derivative(f)
-        if cls.order == 2:
-            return -beta * beta * slope(beta)
-        return beta * beta * (beta * _derivative(slope)(beta) - slope(beta)) / 3
-
-    @classmethod
     def unit_wavelet_variance(cls, shape, tau):
-        return cls._from_gauss_markov(lambda beta: wavelet_variance_over_beta(beta, tau), shape[0])
+        beta, n = jnp.minimum(shape[0], _LARGEST_BETA), tau / 2
+        x, q = beta * n, beta * beta * _q(beta)
+        if cls.order == 2:
+            smooth, cubic, linear = _haar_T(x), _q(beta), _L(beta)
+        else:
+            smooth, cubic, linear = _haar_U(x) + 2 / 3 * q * _haar_T(x), beta * beta * _w(beta), beta * beta * _Z(beta)
+        terms = x * x * smooth + beta * beta * x * cubic * haar_exp(x) - 2 * beta**3 * linear / n
+        return jnp.exp(-beta) * terms / (2 * exp_ratio(beta) ** 2)
 
     @classmethod
     def unit_haar_covariance(cls, shape, lag, parity, n_j, n_k):
-        return cls._from_gauss_markov(lambda beta: haar_covariance_over_beta(beta, lag, n_j, n_k), shape[0])
+        beta = jnp.minimum(shape[0], _LARGEST_BETA)
+        safe_beta = jnp.maximum(beta, 1e-30)
+        s = jnp.exp(-beta) / exp_ratio(beta) ** 2  # times beta^2
+        q, w = beta * beta * _q(beta), beta**4 * _w(beta)
+        linear = beta**3 * (_L(beta) if cls.order == 2 else beta * beta * _Z(beta))
+
+        def slow(m: Any, _: Any) -> Any:
+            x = beta * m
+            smooth = _T(x) if cls.order == 2 else _U(x) + 2 / 3 * q * _T(x)
+            cubic = _q(beta) if cls.order == 2 else beta * beta * _w(beta)
+            return m * (x * x * m * smooth + beta * x * x * cubic * exp_cubic(x) + linear)
+
+        def fast(m: Any, _: Any) -> Any:
+            x = beta * m
+            if cls.order == 2:
+                decaying, steady = 3 + q + x, 2 + q
+            else:
+                decaying, steady = 5 + 2 * q + w + x * (7 + 2 * q + x) / 3, (8 + 4 * q) / 3 + w
+            return m * linear - (decaying * jnp.exp(-x) + steady * x) / (safe_beta * safe_beta)
+
+        ones = jnp.ones_like(lag)
+        # with or without the m^2 term, whichever leaves the smaller numbers to cancel
+        overlapping = jnp.where(
+            beta * (n_j + n_k) < 2,
+            second_differences(slow, lag, ones, n_j, n_k),
+            second_differences(fast, lag, ones, n_j, n_k),
+        )
+        # filters apart: the GM's covariance is a product, D of its logarithm is a sum
+        between = gap(lag, n_j, n_k)
+        x_0, x_j, x_k = beta * jnp.maximum(between, 0.0), beta * n_j, beta * n_k
+        e_j, e_k = exp_ratio(x_j), exp_ratio(x_k)
+        r_j, r_k = jnp.exp(-x_j) / e_j, jnp.exp(-x_k) / e_k
+        slope = 2 * (r_j + r_k) - (2 + q) - x_0
+        factor = 1 - slope
+        if cls.order == 3:
+            curvature = 2 * (r_j * (1 - x_j - r_j) + r_k * (1 - x_k - r_k)) - (2 + q - 2 * s) - x_0
+            factor = 1 + (slope * (slope - 4) + curvature) / 3
+        apart = -beta * beta * jnp.exp(-x_0) * (n_j * e_j * e_j) * (n_k * e_k * e_k) / 4 * factor
+        return s * jnp.where(between >= 0, apart, overlapping)
 
     @classmethod
     def unit_psd(cls, shape, frequency):
