@@ -59,6 +59,7 @@ from gmwm_jax.processes._state_space import StateSpace as StateSpace
 from gmwm_jax.processes.arma import AR as AR
 from gmwm_jax.processes.arma import ARMA as ARMA
 from gmwm_jax.processes.arma import MA as MA
+from gmwm_jax.processes.band_flicker import FLK as FLK
 from gmwm_jax.processes.drift import DR as DR
 from gmwm_jax.processes.flicker import BI as BI
 from gmwm_jax.processes.flicker import flicker_ladder as flicker_ladder

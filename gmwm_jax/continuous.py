@@ -121,6 +121,8 @@ def _density_at_1_hz(H: Any, sigma2: Any, f: Any) -> Any:
     return sigma2 * density(H) * f ** (2 * H - 2)
 
 
+_CORNER = Quantity("f0", "corner frequency", None, lambda f0, B, f: f0 * f, unit="1/s", gyro=("Hz",), accel=("Hz",))
+
 CONTINUOUS: dict[str, ContinuousForm] = {
     "WN": ContinuousForm(
         filter=(Quantity("q", "PSD", "^2/Hz", lambda sigma2, f: sigma2 / f),),
@@ -187,6 +189,19 @@ CONTINUOUS: dict[str, ContinuousForm] = {
                      gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
         ),
         inverse=lambda B, f: (1.0 * B,),
+    ),
+    "FLK": ContinuousForm(
+        filter=(
+            _CORNER,
+            Quantity("B", "bias instability", "", lambda f0, B, f: 1.0 * B, reads=(1,),
+                     determined_at="flicker noise"),
+        ),
+        datasheet=(
+            _CORNER._replace(symbol="f_0"),
+            Quantity("B", "bias instability", "", lambda f0, B, f: 1.0 * B, gyro=("deg/h", "deg/s"),
+                     accel=("ug", "mg"), reads=(1,), determined_at="flicker noise"),
+        ),
+        inverse=lambda f0, B, f: (f0 / f, 1.0 * B),
     ),
     "SIN": ContinuousForm(
         filter=(

@@ -19,7 +19,8 @@ GMWM_JAX = """
     processes/_state_space processes/_base
     processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
     processes/_doubling processes/_arma_covariance processes/arma
-    processes/matern processes/_power_law processes/fractional processes/flicker processes/sinusoid
+    processes/matern processes/_power_law processes/fractional processes/_cosine_integral processes/flicker
+    processes/band_flicker processes/sinusoid
     processes/registry
     continuous units
     simulation datasheet

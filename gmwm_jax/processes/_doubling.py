@@ -6,17 +6,17 @@ nabla = 1 - B, of which there are d = max(p, q + 1): with phi(B) = sum_k b_k nab
     X_t = F X_{t-1} + (1, 1, ..)' e_t,    F_ki = [i >= k] - c_i,    x_t = h' X_t,
 
 and near unit roots, where u_t, u_{t-1}, .. are almost the same, these stay small and c_0 = phi(1) is what tells the
-roots apart. A block of m samples is all that matters of them: with X_0 the state before it,
+roots apart. With the sum of all u so far as one more state, Y = (X, sum u), a block of m samples is
 
-    D = F^m - 1,   s' = (1, 0, ..) (F + .. + F^m),   X_m = F^m X_0 + E,   u_1 + .. + u_m = s' X_0 + Z,
+    Y_m - Y_0 = D Y_0 + E,    Cov(E) = G,
 
-and the covariances G, c, v of (E, Z). Two blocks join in a few products (`join`), hence powers of two by doubling and
-any m from its bits. (Smith 1968 solves G = F G F' + Q, the covariance of X, so.) Sums of differences are differences:
-x_1 + .. + x_m = h_0 (u_1 + .. + u_m) + l' (X_m - X_0), l = (h_1, h_2, .., 0). Hence a Haar coefficient of two blocks is
+and two blocks join in three small products (`join`): powers of two by doubling, any m from its bits. (Smith 1968 solves
+G = F G F' + Q, the covariance P of X, so.) Sums of differences are differences, hence x_1 + .. + x_m = y' (Y_m - Y_0),
+y = (h_1, h_2, .., 0, h_0), and the Haar coefficient of two blocks one after the other is
 
-    (a' X_0 + [w' E - h_0 Z] + [l' E' + h_0 Z'])/(2m),   a = h_0 D's + D'D'l,   w = h_0 s + (D - 1)'l,
+    y' (Y_2m - 2 Y_m + Y_0)/(2m) = [(D'D'y)' Y_0 + (D'y - y)' E + y' E']/(2m).
 
-and its variance a sum of squares: what cancels in sums over the autocovariance does not here. Coefficients in doubles
+Its variance is a sum of squares: what cancels in sums over the autocovariance does not here. Coefficients in doubles
 know a root 1 - delta to 1e-16/delta, and so do results on spans beyond 1/delta, an r-fold root to 1e-16/delta^r.
 """
 
@@ -64,80 +64,67 @@ def in_differences(coefficients: list[Any], num: int) -> list[Any]:
 class Block(NamedTuple):
     """A block of samples, see the file."""
 
-    D: Float[Array, "d d"]
-    s: Float[Array, " d"]
-    G: Float[Array, "d d"]
-    c: Float[Array, " d"]
-    v: Float[Array, ""]
-
-
-def one_sample(form: Form) -> Block:
-    """The block of one sample."""
-    d = len(form.readout)
-    return Block(form.step, jnp.eye(d)[0] + form.step[0], jnp.ones((d, d)), jnp.ones(d), jnp.ones(()))
+    D: Float[Array, "d1 d1"]
+    G: Float[Array, "d1 d1"]
 
 
 def join(a: Block, b: Block) -> Block:
     """Block a, and block b after it."""
-    crossing = a.c + _times(a.G, b.s)
     carried = a.G + _product(b.D, a.G)
-    return Block(
-        D=a.D + b.D + _product(b.D, a.D),
-        s=a.s + b.s + _times(a.D.T, b.s),
-        G=carried + _product(carried, b.D.T) + b.G,
-        c=crossing + _times(b.D, crossing) + b.c,
-        v=a.v + b.v + jnp.sum(b.s * (a.c + crossing)),
-    )
+    return Block(a.D + b.D + _product(b.D, a.D), carried + _product(carried, b.D.T) + b.G)
 
 
-def _doublings(form: Form) -> tuple[Block, Float[Array, "d d"]]:
-    """The blocks of 1, 2, 4, .. samples, stacked, and the covariance P of the state."""
-    last, blocks = lax.scan(lambda b, _: (join(b, b), b), one_sample(form), None, _NUM_DOUBLINGS)
+def _doublings(form: Form) -> tuple[Block, Float[Array, "d1 d1"]]:
+    """The blocks of 1, 2, 4, .. samples, stacked, and the last G, in which P stands."""
+    d = len(form.readout)
+    of_sum = jnp.eye(d)[0] + form.step[0]
+    D = jnp.zeros((d + 1, d + 1)).at[:d, :d].set(form.step).at[d, :d].set(of_sum)
+    last, blocks = lax.scan(lambda b, _: (join(b, b), b), Block(D, jnp.ones((d + 1, d + 1))), None, _NUM_DOUBLINGS)
     return blocks, last.G
 
 
 @jax.jit
 def stationary_covariance(form: Form) -> Float[Array, "d d"]:
-    """P, the covariance of the state."""
-    return _doublings(form)[1]
+    """P, the covariance of the state X."""
+    return _doublings(form)[1][:-1, :-1]
 
 
 def wavelet_variance(form: Form, tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
     """Haar wavelet variance at spans that are powers of two; NaN at others."""
-    powers, P = _doublings(form)
+    powers, last = _doublings(form)
     level = jnp.round(jnp.log2(tau / 2))
     blocks = jax.tree.map(lambda leaf: leaf[level.astype(jnp.int32)], powers)
-    return jnp.where(2.0**level == tau / 2, _of_blocks(form, blocks, P, tau), jnp.nan)
+    return jnp.where(2.0**level == tau / 2, _of_blocks(form, blocks, last, tau), jnp.nan)
 
 
 def wavelet_variance_of_any_span(form: Form, tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
     """Haar wavelet variance at even spans: the blocks of their bits, joined."""
-    powers, P = _doublings(form)
+    powers, last = _doublings(form)
 
     def add(found: Block, power: tuple[Array, Block]) -> tuple[Block, None]:
         size, block = power
         joined = jax.vmap(join, (0, None))(found, block)
         has_bit = jnp.mod(jnp.floor(tau / 2 / size), 2) == 1
-        found = jax.tree.map(
-            lambda new, old: jnp.where(has_bit.reshape(-1, *[1] * (new.ndim - 1)), new, old), joined, found
-        )
-        return found, None
+        return jax.tree.map(lambda new, old: jnp.where(has_bit[:, None, None], new, old), joined, found), None
 
     empty = jax.tree.map(lambda leaf: jnp.zeros((*tau.shape, *leaf.shape[1:])), powers)
     blocks = lax.scan(add, empty, (2.0 ** jnp.arange(_NUM_DOUBLINGS, dtype=jnp.float64), powers))[0]
-    return _of_blocks(form, blocks, P, tau)
+    return _of_blocks(form, blocks, last, tau)
 
 
-def _of_blocks(form: Form, blocks: Block, P: Float[Array, "d d"], tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
+def _of_blocks(form: Form, blocks: Block, last: Float[Array, "d1 d1"], tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
     """Of two equal blocks, the formula of the file."""
-    h_0, rest = form.readout[0], jnp.concatenate([form.readout[1:], jnp.zeros(1)])
+    y = jnp.concatenate([form.readout[1:], jnp.zeros(1), form.readout[:1]])
 
     def variance(b: Block) -> Array:
-        turned = _times(b.D.T, rest)
-        a = h_0 * _times(b.D.T, b.s) + _times(b.D.T, turned)
-        first, second = h_0 * b.s + turned - rest, rest
-        halves = [jnp.sum(x * (_times(b.G, x) + sign * 2 * h_0 * b.c)) for x, sign in ((first, -1), (second, 1))]
-        return jnp.sum(a * _times(P, a)) + halves[0] + halves[1] + 2 * h_0 * h_0 * b.v
+        turned = _times(b.D.T, y)
+        before = _times(b.D.T, turned)  # 0 for the sum of u, whose variance in `last` means nothing
+        first = turned - y
+        P = last.at[-1].set(0.0).at[:, -1].set(0.0)
+        return sum_of(before, P) + sum_of(first, b.G) + sum_of(y, b.G)
+
+    def sum_of(x: Array, G: Array) -> Array:
+        return jnp.sum(x * _times(G, x))
 
     return jax.vmap(variance)(blocks) / (tau * tau)
 

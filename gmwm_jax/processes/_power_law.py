@@ -80,7 +80,7 @@ def autocovariance(p: Any, lag: Float[Array, "*L"]) -> Float[Array, "*L"]:
 
 def psd(s: Any, frequency: Float[Array, "*F"]) -> Float[Array, "*F"]:
     """sum_k sinc(f+k)^2 |f+k|^(2-s) over all integers k, s = alpha + 2 > 1: the mean over a sample, and its aliases."""
-    return (jnp.sin(jnp.pi * frequency) / jnp.pi) ** 2 * (_hurwitz(s, frequency) + _hurwitz(s, 1 - frequency))
+    return (jnp.sin(jnp.pi * frequency) / jnp.pi) ** 2 * (hurwitz(s, frequency) + hurwitz(s, 1 - frequency))
 
 
 def sum_powers(x: Any, coefficients: list[Any]) -> Any:
@@ -106,7 +106,7 @@ _EULER_MACLAURIN = (1 / 12, -1 / 720, 1 / 30240, -1 / 1209600, 1 / 47900160, -69
 _DIRECT = 10
 
 
-def _hurwitz(s: Any, q: Any) -> Any:
+def hurwitz(s: Any, q: Any) -> Any:
     """sum_{k>=0} (q + k)^-s, s > 1, by Euler and Maclaurin; differentiable in s as well."""
     total = jnp.zeros_like(q)
     for k in range(_DIRECT):

@@ -31,8 +31,8 @@ MAX_ORDER = 10
 """Of either part: beyond it differences of that order lose digits, and no wavelet variance tells so many apart."""
 _END = math.log(2e6)
 """Bounds of the coordinates: 1e-6 from a partial autocorrelation of +-1."""
-_SLOWEST = 1e3
-"""Correlation time, in longest spans, at which the first coordinate ends."""
+_SMALLEST_GAP_TAU = 1e-9
+"""The first coordinate goes on to where 1 - r_1, times the longest span, is a random walk to all digits a fit sees."""
 _UNIT_ROOT_TAU = 1e-2
 _UNIT_ROOT = 1e-5
 """Nearer than these to a unit root, seen from the longest span or at all, a fit reports it."""
@@ -210,8 +210,8 @@ class AbstractArma(AbstractProcess):
         """Towards r_1 = 1 far beyond the longest span."""
         if cls.num_coordinates == 1:
             return -_END, _END
-        high = math.log(2 * _SLOWEST * tau_max) if cls.num_ar else _END
-        return (-_END, max(_END, high)), *[(-_END, _END)] * (cls.num_coordinates - 1)
+        high = math.log(2 / max(_SMALLEST_GAP_TAU / tau_max, 1e-14)) if cls.num_ar else _END
+        return (-_END, high), *[(-_END, _END)] * (cls.num_coordinates - 1)
 
     @classmethod
     def limit_of(cls, shape, tau_max):

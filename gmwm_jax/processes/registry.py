@@ -7,6 +7,7 @@ from typing import Any
 from gmwm_jax.processes._base import AbstractProcess, Composite
 from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.arma import AR, ARMA, MA
+from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
@@ -17,7 +18,7 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 
-_ALL: tuple[type[AbstractProcess], ...] = (WN, QN, RW, DR, AR1, GM, MAT32, MAT52, FGN, BI, SIN)
+_ALL: tuple[type[AbstractProcess], ...] = (WN, QN, RW, DR, AR1, GM, MAT32, MAT52, FGN, BI, FLK, SIN)
 
 PROCESSES: dict[str, type[AbstractProcess]] = {cls.kind: cls for cls in _ALL}
 """By their name in a model text; ARMA processes of all orders come from `process_class`."""

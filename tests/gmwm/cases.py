@@ -18,6 +18,7 @@ import scipy.linalg
 
 from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes.arma import AR, ARMA, MA
+from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
@@ -155,6 +156,36 @@ def _flicker_steps(B, num):
     """Of x_t - x_{t-1}: the fourth difference of the generalised covariance B^2/(2 pi) m^2 log|m|."""
     K = [B**2 / (2 * MP.pi) * m**2 * MP.log(m) if m else MP.mpf(0) for m in range(num + 2)]
     return [K[h + 2] + K[abs(h - 2)] - 4 * (K[h + 1] + K[abs(h - 1)]) + 6 * K[h] for h in range(num)]
+
+
+def _band_flicker_steps(f0, B, num):
+    """The same for K = (B^2/pi) int_0^f0 [cos(2 pi f m) - 1 + (2 pi f m)^2/2]/(2 pi f)^2 df/f."""
+
+    def K(m):
+        if m == 0:
+            return MP.mpf(0)
+        X = 2 * MP.pi * f0 * m
+        bracket = (
+            (MP.euler + MP.log(X) - MP.ci(X)) / 2 - MP.mpf(3) / 4 + MP.sin(X) / (2 * X) + (1 - MP.cos(X)) / (2 * X**2)
+        )
+        return B**2 / MP.pi * m**2 * bracket
+
+    K = [K(m) for m in range(num + 2)]
+    return [K[h + 2] + K[abs(h - 2)] - 4 * (K[h + 1] + K[abs(h - 1)]) + 6 * K[h] for h in range(num)]
+
+
+def _band_flicker_closed_form(f0, B, tau):
+    """IEEE Std 952-1997, eq. C.10, halved."""
+    x = MP.pi * f0 * tau / 2
+    sine, cosine = MP.sin(x), MP.cos(x)
+    bracket = MP.log(2) - sine**3 / (2 * x**2) * (sine + 4 * x * cosine) + MP.ci(2 * x) - MP.ci(4 * x)
+    return B**2 / MP.pi * bracket
+
+
+def _band_flicker_psd(f0, B, f):
+    aliases = [f + k for k in range(int(f0) + 1)] + [1 - f + k for k in range(int(f0) + 1)]
+    total = sum((1 / a**3 for a in aliases if a <= f0), start=MP.mpf(0))
+    return B**2 / (2 * MP.pi) * (MP.sinpi(f) / MP.pi) ** 2 * total
 
 
 def _arma(p, q):
@@ -329,6 +360,17 @@ CASES = (
         psd=lambda B, f: _aliased(B**2 / (2 * MP.pi), 1, f),
         differences=1,
         short_memory=lambda B: False,
+    ),
+    Case(
+        FLK,
+        parameters=((0.1, 1.0), (1e-4, 2.0), (0.013, 0.3), (0.45, 1.0), (1.7, 1.0), (40.0, 1.0)),
+        outside=((0.0, 1.0), (-0.1, 1.0), (np.nan, 1.0), (0.5, -1.0), (0.5, np.inf)),
+        closed_form=_band_flicker_closed_form,
+        autocovariance=_band_flicker_steps,
+        psd=_band_flicker_psd,
+        differences=1,
+        rtol=1e-12,
+        short_memory=lambda f0, B: False,
     ),
     Case(
         SIN,

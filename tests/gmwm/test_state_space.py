@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from gmwm.cases import rows, sample_covariance, sample_mean
 
+from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
@@ -25,7 +26,7 @@ def second_moments(form, num):
     return moments
 
 
-STATELESS = (QN, FGN, BI)
+STATELESS = (QN, FGN, BI, FLK)
 
 
 @pytest.mark.parametrize("case", [row for row in rows() if row.values[0].cls not in STATELESS])
