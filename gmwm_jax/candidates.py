@@ -16,6 +16,7 @@ from gmwm_jax.submodels import components
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_REJECTED = 0.01
 _SHOWN = 12
 """Candidates in a table, at least."""
 
@@ -37,7 +38,8 @@ class Candidate:
     difference, standard_error
         Of the criterion, to that of the best candidate; see `gmwm_jax.criterion`.
     p_value
-        Of the chi-square test of fit.
+        Of the chi-square test of fit: with the covariance under the model itself for those that none is better than,
+        under the superset for the others.
     contained_in
         Name of a smaller candidate that is the same, since a component here came out as zero or at a limit; or "".
     worse_than
@@ -130,8 +132,11 @@ class Selection(Mapping[str, Candidate]):
 
     @property
     def recommended(self) -> Candidate:
-        """The simplest that is equivalent to the best; of equally simple ones, that with the lower criterion."""
-        return self.equivalent[0]
+        """The simplest of the equivalent models, if possible of those that their own test does not reject at 1 %.
+
+        Of equally simple ones, that with the lower criterion.
+        """
+        return next((c for c in self.equivalent if not c.p_value < _REJECTED), self.equivalent[0])
 
     def __repr__(self) -> str:
         """A row a candidate: those equivalent to the best, and the next after them."""
@@ -159,7 +164,7 @@ class Selection(Mapping[str, Candidate]):
             contained > 0
         )
         lines += [f"{failed} more did not converge."] * (failed > 0)
-        if self.recommended.p_value < 1 - self.level:
+        if self.recommended.p_value < _REJECTED:
             lines += [f"No model describes every scale: the recommended one has p = {self.recommended.p_value:.2g}."]
         return "\n".join(lines)
 

@@ -3,12 +3,14 @@
 All candidates are fitted with the same weights in one compiled call (`gmwm_jax.sweep`) and ranked by the wavelet
 information criterion (`gmwm_jax.criterion`) with the covariance of the wavelet variance under the superset: the largest
 model is the least wrong one. Differences have standard errors. A model that no other is significantly better than is
-equivalent to the best, and the simplest of those is recommended.
+equivalent to the best. Such a model may still claim less scatter at long spans than the data have, which the covariance
+under the superset forgives: it is tested with its own. The simplest that passes is recommended.
 """
 
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +24,7 @@ from gmwm_jax.candidates import Candidate, Selection, Selections
 from gmwm_jax.criterion import optimism, projection, standard_error
 from gmwm_jax.draws import theory_draws
 from gmwm_jax.fitting import fit
+from gmwm_jax.gap_covariance import covariance_under
 from gmwm_jax.goodness import chi_square
 from gmwm_jax.inference import normal_quantile
 from gmwm_jax.processes._base import AbstractProcess, Composite
@@ -154,6 +157,8 @@ def _select(
     candidates = []
     for at, m in enumerate(order):
         better = [b for b in order[:at] if sound[b] and criteria[m] - criteria[b] > z * error(m, b)]
+        # what a model without a random walk claims of the longest spans, only its own covariance knows
+        own = _own_covariance(whole, fits[m]) if sound[m] and not better else V
         candidates.append(
             Candidate(
                 names[m],
@@ -162,12 +167,27 @@ def _select(
                 optimism=float(lacks[m]),
                 difference=float(criteria[m] - criteria[best]),
                 standard_error=error(m, best),
-                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, V)[2],
+                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, own)[2],
                 contained_in=contained[m],
                 worse_than=names[better[0]] if better else "",
             )
         )
     return Selection(whole, tuple(candidates), whole.level, num_replicates)
+
+
+def _own_covariance(whole: Fit, fit: Fit) -> Float[np.ndarray, "J J"]:
+    """Covariance of the wavelet variance under a candidate, written as its superset: one program serves all."""
+    left, processes = list(fit.model.processes), []
+    for p in whole.model.processes:
+        own = next((q for q in left if components(Composite([q])) == components(Composite([p]))), None)
+        if own is not None:
+            left.remove(own)
+            processes.append(own)
+        else:
+            processes.append(eqx.tree_at(lambda q: getattr(q, q.parameters[-1].name), p, jnp.zeros(())))
+    V = covariance_under(Composite(processes), fit.wv)
+    assert V is not None  # that of the superset is known
+    return V
 
 
 def _optimism_of_replicates(

@@ -32,7 +32,7 @@ def second_differences(
     # mapped over the nine terms, K is traced and compiled once
     lags, parities = (jnp.stack([jnp.broadcast_to(t[i], lag.shape) for t in terms]) for i in (0, 1))
     weights = jnp.array([weight for *_, weight in terms])
-    return weights @ jax.vmap(K)(lags, parities) / (4 * n_j * n_k)
+    return jnp.tensordot(weights, jax.vmap(K)(lags, parities), axes=1) / (4 * n_j * n_k)
 
 
 def nine_terms(lag: Points, parity: Points, n_j: Points, n_k: Points) -> list[tuple[Points, Points, float]]:
