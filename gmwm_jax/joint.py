@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from gmwm_jax._table import format_table, number
+from gmwm_jax.estimates import ZERO
 from gmwm_jax.fitting import fit_channels, require_fittable
 from gmwm_jax.inference import parameter_covariance
 from gmwm_jax.processes._base import Composite
@@ -97,12 +98,15 @@ class JointFit(Fit):
     def singles(self) -> tuple[Fit, ...]:
         """Each record fitted alone, with the weights that it has here; failures are told by their status.
 
+        Components that all records together put at a boundary are held there: a record that gives white noise a
+        little would give a fast Gauss-Markov process so much less, and could not be compared with the others.
+
         Raises
         ------
         ValueError
             A record has fewer scales than the model free parameters.
         """
-        model = _unfitted(self.model)
+        model = _unfitted(self)
         for r in self.records:
             require_fittable(model, r.wv)
         # one after the other: the compiled search of the joint fit serves all
@@ -193,11 +197,13 @@ def _mean_covariance(
     return (inverse @ (scatter / np.outer(d, d)) @ inverse) / np.outer(d, d)
 
 
-def _unfitted(model: Composite) -> Composite:
-    """The model with no values but those that are held."""
+def _unfitted(joint: JointFit) -> Composite:
+    """The model with no values but those that are held, and those at which a component is at its boundary."""
     processes = []
-    for p in model.processes:
-        build: Any = type(p)
+    for label, p in zip(joint.model.labels, joint.model.processes, strict=True):
+        note = joint.at_boundary.get(label, "")
+        held = set(p.fixed) | {q.name for q in (p.parameters if note == ZERO else p.parameters[:-1] if note else ())}
         values = zip(p.parameters, p.values, strict=True)
-        processes.append(build(**{q.name: Fixed(v) if q.name in p.fixed else None for q, v in values}))
+        build: Any = type(p)
+        processes.append(build(**{q.name: Fixed(v) if q.name in held else None for q, v in values}))
     return Composite(processes)

@@ -116,6 +116,21 @@ def test_records_without_an_estimate_are_left_out(joint):
     assert "1 left out" in str(comparison)
 
 
+def test_what_is_zero_for_all_is_zero_for_each():
+    """A record that took white noise on would have a faster and smaller share of the process left, not another one."""
+    truth = gj.parse_model("GM(beta=2.0, variance=1.0)")
+    nu, V = np.asarray(truth.wavelet_variance(BAND.scales)), np.asarray(gj.wv_covariance(truth, NUM_SAMPLES, LEVELS))
+    wvs = [with_variance(row) for row in variance_draws(nu, V)(jax.random.split(jax.random.key(3), NUM_RECORDS))]
+    fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
+    assert fit.at_boundary == {"WN": "at boundary: zero"}
+    free = [gj.fit(wv, "WN + GM", omega=r.omega).model for wv, r in zip(wvs, fit.records, strict=True)]
+    assert max(float(model.processes[0].sigma2) for model in free) > 0.05
+    assert all(float(single.model.processes[0].sigma2) == 0 for single in fit.singles)
+    comparison = gj.compare_records(fit)
+    assert comparison.dof == 6
+    assert comparison.p_value > 1e-3
+
+
 # -- size and power ---------------------------------------------------------------------------------------------------
 
 
