@@ -6,7 +6,9 @@ from typing import Any
 
 from gmwm_jax._check import positive, sampling_rate
 from gmwm_jax.processes._base import AbstractProcess, Composite
+from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.drift import DR
+from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
@@ -21,6 +23,7 @@ _ENTRIES: dict[str, tuple[type[AbstractProcess], dict[str, str], Any]] = {
     "LSB": (QN, {"rad": "rad/s", "m/s": "m/s^2"}, lambda v: v / math.sqrt(12)),
     "K": (RW, {"rad/s/sqrt(s)": "rad/s", "m/s^2/sqrt(s)": "m/s^2"}, lambda v: v * v),
     "R": (DR, {"rad/s^2": "rad/s", "m/s^3": "m/s^2"}, lambda v: v),
+    "B": (BI, {"rad/s": "rad/s", "m/s^2": "m/s^2"}, lambda v: v),
 }
 
 
@@ -33,12 +36,15 @@ def from_datasheet(
     ----------
     entries
         For example ``{"N": "0.15 deg/sqrt(h)", "K": "2 deg/h/sqrt(h)"}``: N (white), K (random walk), Q or LSB
-        (quantisation), R (ramp), each a number with its unit.
+        (quantisation), R (ramp), B (bias instability), each a number with its unit; f0, the corner frequency of B,
+        as in ``{"B": "10 deg/h", "f0": "0.5 Hz"}``. Where a datasheet means the lowest Allan deviation by its bias
+        instability, B is that over 0.664.
     rate
         Sampling rate in Hz.
     gauss_markov
-        Pairs of standard deviation and correlation time, ``(("10 deg/h", "100 s"),)``. A "bias instability" B has no
-        rational model; a Gauss-Markov process with a standard deviation of B is what is usually put in its place.
+        Pairs of standard deviation and correlation time, ``(("10 deg/h", "100 s"),)``. The bias instability B has no
+        finite state; for a filter a Gauss-Markov process with a standard deviation of B is usually put in its place, or
+        `flicker_ladder`.
 
     Returns
     -------
@@ -51,19 +57,27 @@ def from_datasheet(
     ------
     ValueError
         No entry, an unknown one or its unit, a value that is not positive, a unit that is missing or does not fit,
-        entries of a gyro and an accelerometer together.
+        entries of a gyro and an accelerometer together, f0 without B.
     """
     f = sampling_rate(rate)
     processes: list[AbstractProcess] = []
     signals: dict[str, str] = {}
+    corner = entries.get("f0")
+    if corner is not None and "B" not in entries:
+        raise ValueError(f"f0 = {corner!r} is the corner frequency of a bias instability B, and there is no B.")
     for name, text in entries.items():
+        if name == "f0":
+            continue
         if name not in _ENTRIES:
-            raise ValueError(f"Unknown datasheet entry {name!r}; known are {', '.join(_ENTRIES)}.")
+            raise ValueError(f"Unknown datasheet entry {name!r}; known are {', '.join(_ENTRIES)}, f0.")
         cls, units, to_filter = _ENTRIES[name]
         value, si = _quantity(text)
         if si not in units:
             raise ValueError(f"{name} = {text!r} measures {si}; {name} is given in units of {' or '.join(units)}.")
         signals[name] = units[si]
+        if name == "B" and corner is not None:
+            processes.append(FLK(f0=convert(*_split(corner), "1/s") / f, B=value))
+            continue
         build: Any = cls
         processes.append(build(*(float(v) for v in from_continuous(cls.kind, (to_filter(value),), f))))
     for sigma_text, time_text in gauss_markov:

@@ -109,7 +109,7 @@ class FLK(AbstractProcess):
 
     @classmethod
     def ringing(cls, shape):
-        """Of the sharp edge of the band: it falls as 1/lag, and what is left after a few turns hardly counts."""
+        """The edge of the band rings, and falls as 1/lag only: at three turns the covariance keeps four digits."""
         return 20.0
 
     @classmethod

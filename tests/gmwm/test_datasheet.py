@@ -61,6 +61,15 @@ def test_several_entries_and_gauss_markov_processes():
         assert float(process.variance) == pytest.approx((sigma * DEG / HOUR) ** 2, rel=1e-12, abs=0)
 
 
+def test_bias_instability_with_and_without_a_corner():
+    model, unit = from_datasheet({"N": "0.1 deg/sqrt(h)", "B": "10 deg/h", "f0": "0.5 Hz"}, F)
+    assert (model.labels, unit) == (("WN", "FLK"), "rad/s")
+    assert [float(v) for v in model.processes[1].values] == pytest.approx([0.5 / F, 10 * DEG / HOUR], rel=1e-12, abs=0)
+    model, unit = from_datasheet({"B": "30 ug"}, F)
+    assert (model.labels, unit) == (("BI",), "m/s^2")
+    assert float(model.processes[0].B) == pytest.approx(30e-6 * G, rel=1e-12, abs=0)
+
+
 def test_a_gauss_markov_process_alone():
     model, unit = from_datasheet({}, F, gauss_markov=(("1 mg", "50 s"),))
     assert (model.labels, unit) == (("GM",), "m/s^2")
@@ -69,7 +78,9 @@ def test_a_gauss_markov_process_alone():
 @pytest.mark.parametrize(
     ("entries", "gauss_markov", "message"),
     [
-        ({"B": "1 deg/h"}, (), "Unknown datasheet entry 'B'; known are N, Q, LSB, K, R"),
+        ({"M": "1 deg/h"}, (), "Unknown datasheet entry 'M'; known are N, Q, LSB, K, R, B, f0"),
+        ({"f0": "1 Hz"}, (), "f0 = '1 Hz' is the corner frequency of a bias instability B, and there is no B"),
+        ({"B": "1 deg/h", "f0": "1 s"}, (), "cannot be converted"),
         ({"N": "0.15"}, (), "'0.15' has no unit"),
         ({"N": "5e-3"}, (), "'5e-3' has no unit"),
         ({"N": "-1 deg/sqrt(h)"}, (), "'-1 deg/sqrt.h.' must be positive and finite"),

@@ -60,6 +60,16 @@ def test_moments_of_white_noise_and_ar1():
     np.testing.assert_array_equal(lasting[:, 3:], 0.0)
 
 
+def test_moments_of_an_arma_process():
+    """Its driving noise has rank one."""
+    process = gj.ARMA(2, 1)(1.2, -0.5, 0.4, 1.0)
+    _, lasting = drawn(process)
+    gamma = np.asarray(process.autocovariance([0, 1, 2, 5]))
+    for lag, expected in zip((0, 1, 2, 5), gamma, strict=True):
+        assert_covariance(lasting[0, 0], lasting[lag, 0], expected)
+        assert_covariance(lasting[9, 1], lasting[9 + lag, 1], expected)
+
+
 def test_a_start_from_zero():
     """The first sample is white; the second has one innovation; the variance grows from there."""
     _, lasting = drawn(MODEL, start="zero")

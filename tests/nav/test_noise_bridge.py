@@ -120,20 +120,22 @@ def test_another_rate_keeps_the_physics(rate):
     np.testing.assert_allclose(other.bank().white[0], 1e-4 * rate / 100, rtol=1e-12)
 
 
-@pytest.mark.parametrize("phi", [0.0, -0.5])
-def test_an_oscillating_process_has_no_other_rate(phi):
+@pytest.mark.parametrize("process", [gj.AR1(0.0, 1e-8), gj.AR1(-0.5, 1e-8), gj.AR(2)(0.5, 0.2, 1e-8)], ids=repr)
+def test_a_process_that_belongs_to_its_rate_has_no_other(process):
     with pytest.raises(ValueError, match="no continuous-time form"):
-        nj.ImuErrors(WHITE + gj.AR1(phi, 1e-8), WHITE, 100.0).at_rate(50.0)
+        nj.ImuErrors(WHITE + process, WHITE, 100.0).at_rate(50.0)
 
 
 def test_states_of_processes_that_have_several():
     """In the order of their models, the process itself first; noise without a state is named."""
-    errors = nj.ImuErrors([gj.MAT52(0.1, 2.0), gj.MAT32(0.1, 2.0), gj.BI(1e-4)], WHITE, 100.0)
+    errors = nj.ImuErrors([gj.MAT52(0.1, 2.0), gj.MAT32(0.1, 2.0), gj.BI(1e-4) + gj.FLK(0.1, 1e-4)], WHITE, 100.0)
     names = ["accel x MAT52", "accel x MAT52 driver 1", "accel x MAT52 driver 2", "accel y MAT32"]
     b = errors.bank()
     assert [str(s) for s in b.states] == [*names, "accel y MAT32 driver 1"]
     np.testing.assert_allclose(np.diag(b.initial)[[0, 3]], 2.0, rtol=1e-14)
-    assert errors.notes() == ("BI of accel z has no state and is left out of the filter.",)
+    assert errors.notes() == tuple(
+        f"{kind} of accel z has no state and is left out of the filter." for kind in ("BI", "FLK")
+    )
 
 
 def test_what_is_left_out_is_said():
