@@ -46,6 +46,8 @@ def _panel(ax: Axes, draws: np.ndarray, own: Estimate, theory: Estimate, level: 
     bins = (np.geomspace if wide else np.linspace)(positive.min(), positive.max(), 31)
     ax.hist(positive, bins=bins, color=_DRAWS, alpha=0.6, label=f"replicates{absent}")
     ax.set_xscale("log" if wide else "linear")
+    if not wide:
+        ax.locator_params(axis="x", nbins=4)
     if own.value > 0:
         ax.axvline(own.value, color=_ESTIMATE, lw=1.5, label="estimate")
     if enough and own.ci_high > 0:

@@ -66,6 +66,7 @@ def _panel(ax: Axes, selection: Selection, shown: list[Candidate]) -> None:
     errors = [c.standard_error for c in shown if c.standard_error > 0]
     if errors:
         ax.set_xscale("symlog", linthresh=float(np.median(errors)))
+        ax.set_xlim(left=min(c.difference - 1.3 * z * c.standard_error for c in shown))
     ax.set_xlabel(f"WVIC, difference to the lowest, with {100 * selection.level:g} % intervals")
     ax.set_ylabel("model (number of parameters)")
     ax.set_title(f"{selection.superset.wv.channels[0]}: {len(selection)} models", fontsize=10)
