@@ -46,8 +46,9 @@ _SERIES = [(-1) ** k * (16**k - 4 * 4**k) / (8 * math.factorial(2 * k) * (2 * k 
 """Of int_0^x sin(u)^4/u^3 du, less its factor x^2, in x^2."""
 _FEW_WAVES = 2.5
 """In the band, as many as Gauss's rule resolves."""
-_LEGENDRE = np.polynomial.legendre.leggauss(16)
-_LAGUERRE = np.polynomial.laguerre.laggauss(20)
+_LEGENDRE = np.stack(np.polynomial.legendre.leggauss(16), axis=1)
+_LAGUERRE = np.stack(np.polynomial.laguerre.laggauss(20), axis=1)
+"""Nodes and weights."""
 _EMBEDDING = 4
 """Half the length of the circulant of a simulation, in records."""
 
@@ -205,12 +206,12 @@ def _by_differences(f0: Any, lag: Points, parity: Points, n_j: Points, n_k: Poin
 def _by_quadrature(f0: Points, c: Points, n_j: Points, n_k: Points) -> Any:
     """The integral over the band up to f0."""
 
-    def add(total: Array, node: tuple[Array, Array]) -> tuple[Array, None]:
+    def add(total: Array, node: Float[Array, "2"]) -> tuple[Array, None]:
         f = f0 * (node[0] + 1) / 2
         sines = jnp.sin(jnp.pi * f * n_j) * jnp.sin(jnp.pi * f * n_k)
         return total + node[1] / 2 * f0 * sines**2 / f**3 * jnp.cos(2 * jnp.pi * f * c), None
 
-    total, _ = lax.scan(add, jnp.zeros_like(c), tuple(map(jnp.asarray, _LEGENDRE)))
+    total, _ = lax.scan(add, jnp.zeros_like(c), jnp.asarray(_LEGENDRE))
     return total / (jnp.pi**3 * n_j * n_k)
 
 
@@ -219,7 +220,7 @@ def _end_of_contour(f0: Any, c: Points, n_j: Points, n_k: Points) -> Any:
     decay = 2 * jnp.pi * (c - n_j - n_k)
     wave = jnp.exp(lax.complex(0 * c, f0 * decay))
 
-    def add(total: Array, node: tuple[Array, Array]) -> tuple[Array, None]:
+    def add(total: Array, node: Float[Array, "2"]) -> tuple[Array, None]:
         s = node[0] / decay
         # exp(2 pi i f n) - 1 = 2i sin(pi f n) exp(i pi f n), squared and divided by -4 exp(2 pi i f n)
         phases = [2 * jnp.pi * n for n in (n_j, n_k)]
@@ -227,5 +228,5 @@ def _end_of_contour(f0: Any, c: Points, n_j: Points, n_k: Points) -> Any:
         value = (factors[0] * factors[1]) ** 2 * wave / lax.complex(f0 + 0 * s, s) ** 3
         return total - node[1] * value.imag, None
 
-    total, _ = lax.scan(add, jnp.zeros_like(c), tuple(map(jnp.asarray, _LAGUERRE)))
+    total, _ = lax.scan(add, jnp.zeros_like(c), jnp.asarray(_LAGUERRE))
     return total / (16 * decay * jnp.pi**3 * n_j * n_k)
