@@ -357,7 +357,7 @@ STATED = ("--rate", "100", "--unit", "rad/s")
         (("fit", "{npz}", "--model", "WN + XY"), "Unknown process 'XY' in the model 'WN + XY'. Known: WN, QN, RW"),
         (("fit", "{npz}", "--model", "6*GM + WN"), "13 free parameters and the wavelet variance 10 scales"),
         (("fit", "{npz}", "--model", MODEL, "--datasheet", "N=5"), "'5' has no unit"),
-        (("fit", "{npz}", "--model", MODEL, "--datasheet", "B=5 deg/h"), "Unknown datasheet entry 'B'"),
+        (("fit", "{npz}", "--model", MODEL, "--datasheet", "X=5 deg/h"), "Unknown datasheet entry 'X'"),
         (("fit", "{bad}/nan.npy", *STATED, "--model", MODEL), "(nan) at index 17"),
         (
             ("fit", "{npz}", "--model", MODEL, "--weights", "best"),
