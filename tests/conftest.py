@@ -1,7 +1,12 @@
 """Strict settings for the whole run, made before either package is imported."""
 
+import gc
 import os
 from pathlib import Path
+
+# Most of the time of the suite goes into compiling programs that run once; the older of XLA's two code generators for
+# CPUs takes half as long as the one it has by default (with which `XLA_FLAGS= pytest` runs everything).
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
 
 import jax
 import matplotlib
@@ -19,6 +24,16 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 @pytest.fixture
 def key():
     return jax.random.key(20261121)
+
+
+@pytest.fixture(scope="module")
+def quick_compilation():
+    """For files of large programs that run once on little data: half the time to compile, several times that to run."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+    jax.clear_caches()
+    gc.collect()
 
 
 @pytest.fixture(scope="session")

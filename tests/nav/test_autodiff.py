@@ -10,6 +10,8 @@ from nav import setups
 import gmwm_jax as gj
 import nav_jax as nj
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 START = jnp.array([np.log(6e-5), np.log(2.0), np.log(1e-8), np.log(1.5e-6), np.log(0.3), np.log(0.05), np.log(2e-3)])
 """Logarithms: variance of white noise, beta (1/s) and drive of an AR1, gyro's white noise, sd of fix, start, bias."""
 SIZE = len(START)

@@ -16,6 +16,8 @@ from nav_jax.ranking import Standing, _judge, _round, _with_se, common_runs
 from nav_jax.runs import Runs
 from nav_jax.trajectory import Trajectory
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 N = 60
 
 

@@ -16,6 +16,8 @@ from nav_jax.error_model import blocks, full, propagate
 from nav_jax.rotation import quat_conjugate, quat_from_rotvec, quat_multiply, quat_to_rotvec
 from nav_jax.sensor_bank import step_noise
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 DT = 0.01
 G_N = jnp.array([[0.0], [0.0], [setups.GRAVITY]])
 ERRORS = nj.ImuErrors(

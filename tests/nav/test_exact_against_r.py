@@ -19,6 +19,8 @@ import nav_jax as nj
 from nav_jax.emulation import GivenErrors
 from nav_jax.rotation import quat_conjugate, quat_from_euler, quat_multiply, quat_to_rotvec
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 EARTH = nj.FlatEarth(setups.GRAVITY)
 
 

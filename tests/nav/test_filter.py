@@ -13,6 +13,8 @@ from nav_jax.filter import run_estimate
 from nav_jax.rotation import dcm_from_quat
 from nav_jax.status import Status
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 EARTH = nj.FlatEarth(setups.GRAVITY)
 
 

@@ -15,6 +15,8 @@ from nav_jax.measurements.barometer import Barometer
 from nav_jax.measurements.gnss_position import GnssPosition
 from nav_jax.measurements.gnss_velocity import GnssVelocity
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 
 @dataclass(frozen=True)
 class Case:

@@ -22,6 +22,8 @@ from nav_jax.config import Config, read_config
 from nav_jax.sensors import perfect_imu
 from nav_jax.trajectory import Trajectory
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 TEXT = """
 [trajectory]
 motion = "circle"

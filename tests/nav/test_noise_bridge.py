@@ -8,6 +8,8 @@ import gmwm_jax as gj
 import nav_jax as nj
 from gmwm_jax import units
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 WHITE = gj.WN(1e-4)
 
 
