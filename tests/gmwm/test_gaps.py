@@ -10,8 +10,8 @@ import scipy.linalg
 from helpers import assert_mean
 
 import gmwm_jax as gj
-from gmwm_jax import bootstrapping
 from gmwm_jax import gap_covariance as theory
+from gmwm_jax.draws import record_draws
 from gmwm_jax.pairs import find_pairs, gap_wavelet_variance, quadratic_forms_times, white_widening
 from gmwm_jax.refit import refit
 from gmwm_jax.wavelet import degrees_of_freedom, interval_factors, scales
@@ -261,7 +261,7 @@ def test_replicates_by_records_leave_out_what_is_missing():
     present = scattered(500, 0.4)
     x = np.random.default_rng(3).standard_normal(500)
     fit = gj.fit(gj.wavelet_variance(with_gaps(x, present), gaps="pairs", num_levels=4), "WN")
-    nu = bootstrapping._records(fit, 500)(jax.random.split(jax.random.key(1), 600))
+    nu = record_draws(fit.model, fit.wv)(jax.random.split(jax.random.key(1), 600))
     assert_mean(nu, fit.fitted)
     spread = np.std(nu, axis=0) / np.sqrt(np.diag(fit.wv_covariance))
     np.testing.assert_allclose(spread, 1.0, atol=4.5 / np.sqrt(1200) + 0.03)  # and the error of the theory
