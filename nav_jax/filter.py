@@ -96,7 +96,7 @@ def run_estimate(
     trace
         Keep the estimate after every covariance step.
     """
-    H, variance = _stacked(sensors)
+    H, variance = stacked(sensors)
     kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
 
     def step(carry, given):
@@ -124,7 +124,7 @@ def run_estimate(
     start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin())
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
     events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.errors.per_segment)
-    last, (kept, (judgement, innovation, variance_of, states)) = _time_loop(step, event, start, steps, events)
+    last, (kept, (judgement, innovation, variance_of, states)) = time_loop(step, event, start, steps, events)
     status = last[2]
     return Outcome(judgement, innovation, variance_of, status, states, kept)
 
@@ -141,7 +141,7 @@ def reference_gains(
     start
         The reference at the start, one run, with sensor states of zero.
     """
-    H, variance = _stacked(sensors)
+    H, variance = stacked(sensors)
     kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
 
     def step(carry, given):
@@ -160,14 +160,14 @@ def reference_gains(
 
     carry = (start, blocks(P_start[:, :, None]))
     events = _Event(timeline.truth, timeline.valid)
-    return _time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
+    return time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
 
 
 def run_reference(
     timeline: Timeline, bank: SensorBank, sensors: Sensors, inputs: Inputs, gains: Gains, *, trace: bool = False
 ) -> Outcome:
     """Run R filters with gains that were computed along the reference; parameters as in `run_estimate`."""
-    H, _ = _stacked(sensors)
+    H, _ = stacked(sensors)
 
     def step(carry, given):
         state, status, noise = carry
@@ -189,7 +189,7 @@ def run_reference(
     start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
     events = (_Event(timeline.truth, timeline.valid), gains, inputs.z, inputs.errors.per_segment)
-    (_, status, _), (kept, (judgement, innovation, states)) = _time_loop(step, event, start, steps, events)
+    (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
     return Outcome(judgement, innovation, gains.update.variance, status, states, kept)
 
 
@@ -198,7 +198,7 @@ class _Event(NamedTuple):
     valid: Float[Array, "M K"]
 
 
-def _time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
+def time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
     """Both loops. Reverse mode keeps the carry of each segment only, and goes through a segment twice."""
 
     def segment(carry, given):
@@ -210,7 +210,8 @@ def _time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> An
     return jax.lax.scan(jax.checkpoint(segment, prevent_cse=False), carry, (steps, events))
 
 
-def _stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+def stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+    """H of all scalars, and the variances that the filter believes."""
     none = [jnp.zeros((0, 9))], [jnp.zeros(0)]
     H = jnp.concatenate(none[0] + [s.jacobian() for s in sensors])
     return H, jnp.concatenate(none[1] + [s.believed**2 for s in sensors])

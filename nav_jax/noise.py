@@ -110,13 +110,24 @@ class ImuErrors(eqx.Module):
             start=self.start,
         )
 
-    def bank(self) -> SensorBank:
-        """The states of a filter, or of an emulation, that knows this model."""
+    def bank(self, *, complete: bool = False) -> SensorBank:
+        """The states of a filter, or of an emulation, that knows this model.
+
+        Parameters
+        ----------
+        complete
+            With all processes: quantisation noise has two states then.
+
+        Raises
+        ------
+        ValueError
+            All are wanted, and one has no state-space form.
+        """
         forms: list[tuple[SensorState, StateSpace]] = []
         white = [jnp.zeros(())] * len(CHANNELS)
         for channel, model in enumerate(self.models):
             for label, process in zip(model.labels, model.processes, strict=True):
-                form = process.state_space()
+                form = _complete_form(process, CHANNELS[channel]) if complete else process.state_space()
                 if form is None:
                     continue
                 white[channel] = white[channel] + form.white
@@ -313,6 +324,24 @@ def axis_noise(given: Any, what: str) -> NoiseModel:
     return as_model(given, what)
 
 
+def markov_form(model: NoiseModel, what: str) -> StateSpace:
+    """The state-space form of all processes of a model together.
+
+    Raises
+    ------
+    ValueError
+        A process has none.
+    """
+    forms = [_complete_form(p, what) for p in model.processes]
+    return StateSpace(
+        _block_diagonal([f.transition for f in forms]),
+        _block_diagonal([f.driving for f in forms]),
+        jnp.concatenate([f.readout for f in forms]),
+        _block_diagonal([f.initial for f in forms]),
+        jnp.sum(jnp.stack([f.white for f in forms])),
+    )
+
+
 def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[Array, "N R"]:
     """Draw a short record of a model for each key, as of an aiding sensor."""
     return jax.vmap(lambda key: simulate(model, num_samples, key=key), out_axes=1)(keys)
@@ -373,6 +402,23 @@ def _at_rate(model: Composite, old: float, new: float) -> Composite:
         build: Any = type(p)
         processes.append(build(*units.from_continuous(p.kind, continuous, new)))
     return Composite(processes)
+
+
+def _complete_form(process: Any, what: str) -> StateSpace:
+    form = process.state_space()
+    if form is not None:
+        return form
+    if process.kind != "QN":
+        raise ValueError(
+            f"{process.kind} of {what} has no state-space form, and so no covariance that could be propagated: replace "
+            "it, a flicker noise by gmwm_jax.flicker_ladder, or run a Monte Carlo."
+        )
+    # (Y_t, Y_{t-1}), of which the difference is read
+    q2 = process.amplitude
+    return StateSpace(
+        jnp.array([[0.0, 0.0], [1.0, 0.0]]), q2 * jnp.diag(jnp.array([1.0, 0.0])), jnp.array([1.0, -1.0]),
+        q2 * jnp.eye(2), jnp.zeros(()),
+    )  # fmt: skip
 
 
 def _block_diagonal(parts: list[Any]) -> Float[Array, "M M"]:
