@@ -16,7 +16,7 @@ demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filter
 	$(BIN)/python -m nav_jax demo --fits out --out out
 
 test: $(VENV)/.installed  ## the whole test suite
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.installed  ## lint, format, types
 	$(BIN)/ruff check .

@@ -10,6 +10,7 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
 
 import jax
 import matplotlib
+import matplotlib.pyplot as plt
 import pytest
 
 jax.config.update("jax_enable_x64", True)
@@ -34,6 +35,13 @@ def quick_compilation():
     jax.config.update("jax_disable_most_optimizations", False)
     jax.clear_caches()
     gc.collect()
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    """A figure that a test leaves open is none of the next one's business."""
+    yield
+    plt.close("all")
 
 
 @pytest.fixture(scope="session")

@@ -15,6 +15,8 @@ from gmwm_jax.processes.registry import PROCESSES
 from nav_jax.cli import app as nav_app
 from nav_jax.config import read_config
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()
 

@@ -1,4 +1,4 @@
-"""R's Monte Carlo (navigation 0.0.2, 50 runs of three models, reference/nav_mc_lemniscate.json), redone with 1000.
+"""R's Monte Carlo (navigation 0.0.2, 50 runs of three models, reference/nav_mc_lemniscate.json), redone with 500.
 
 Every curve of R at every second is one draw from what our runs say of a mean of 50: of a gamma distribution with the
 moments of our runs (means are skewed: of 50 runs a mean NEES is chi-square with 150 degrees of freedom, not normal),
@@ -17,7 +17,7 @@ from nav import setups
 
 import nav_jax as nj
 
-NUM_R, NUM_RUNS = 50, 1000
+NUM_R, NUM_RUNS = 50, 500
 MODELS = {"right": "correct", "wrong": "wrong", "partial": "partial"}
 SIGMAS = 4.0
 
@@ -57,7 +57,7 @@ def sigmas_of_mean(seen, draws):
 
 
 def sigmas_of_share(seen, inside):
-    """Of a share of 50 like `inside` (runs, epochs); at most half a count in 1000 is known of a rare event."""
+    """Of a share of 50 like `inside` (runs, epochs); at most half a count in 500 is known of a rare event."""
     p = np.clip(inside.mean(axis=0), 0.5 / len(inside), 1 - 0.5 / len(inside))
     law, count = scipy.stats.binom(NUM_R, p), np.round(seen * NUM_R)
     return scipy.stats.norm.isf(np.minimum(np.minimum(law.cdf(count), law.sf(count - 1)), 0.5))

@@ -13,8 +13,6 @@ import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax import experiment, filter
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 REFERENCE = nj.lemniscate(5.0, setups.RATE)
 RIGHT = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
 WRONG = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE)
