@@ -31,7 +31,8 @@ from nav_jax.initial import InitialUncertainty
 from nav_jax.judge import Claim, claim
 from nav_jax.layout import SensorState
 from nav_jax.linalg import symmetrise
-from nav_jax.noise import ImuErrors, markov_form
+from nav_jax.noise import ImuErrors
+from nav_jax.noise_models import markov_form
 from nav_jax.sensor_bank import SensorBank, step_noise
 
 NO_CHANNEL = -1
@@ -68,6 +69,86 @@ def motion_of(experiment: Experiment) -> Motion:
     return jax.lax.scan(segment, experiment.start, (timeline.pattern, timeline.imu))[1]
 
 
+class AidingNoise(eqx.Module):
+    """True noise of the aiding sensors, scalar by scalar: its states, and how they move from fix to fix.
+
+    They move at every fix, used or not: after one that is used by as many as there are to the next that is.
+    """
+
+    forms: tuple[Any, ...]
+    """State-space form of each scalar."""
+    elapsed: Int[Array, "M K"]
+    """Fixes to the next that is used."""
+    first: Int[Array, " K"]
+    """Fixes before the first that is used."""
+    num_fixes: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return sum(len(f.readout) for f in self.forms)
+
+    @property
+    def readout(self) -> Float[Array, "K S"]:
+        """What the states add to each scalar."""
+        return block_diag(jnp.zeros((0, 0)), *(f.readout[None] for f in self.forms))
+
+    @property
+    def white(self) -> Float[Array, " K"]:
+        """Variance of the part without memory."""
+        return jnp.stack([f.white for f in self.forms]) if self.forms else jnp.zeros(0)
+
+    @property
+    def initial(self) -> Float[Array, "S S"]:
+        """Covariance of the states at the first fix."""
+        return block_diag(jnp.zeros((0, 0)), *(f.initial for f in self.forms))
+
+    def advance(self, J: Float[Array, "n n"], elapsed: Int[Array, " K"]) -> Float[Array, "n n"]:
+        """Joint covariance, these states last, after as many fixes of each scalar's sensor."""
+        if not self.size:
+            return J
+        many = [_power(f, elapsed[i], num) for i, (f, num) in enumerate(zip(self.forms, self.num_fixes, strict=True))]
+        rest = J.shape[0] - self.size
+        A = block_diag(jnp.eye(rest), *(a for a, _ in many))
+        return A @ J @ A.T + block_diag(jnp.zeros((rest, rest)), *(q for _, q in many))
+
+
+class Noise(eqx.Module):
+    """All that is random in truth."""
+
+    start: Float[Array, "9 9"]
+    """Covariance of the navigation error at the start."""
+    imu: SensorBank
+    aiding: AidingNoise
+
+
+def noise_of(experiment: Experiment, truth: ImuErrors) -> Noise:
+    """What is random in an experiment whose IMU has these errors.
+
+    Raises
+    ------
+    ValueError
+        A process has no state-space form (BI, FLK, FGN).
+    """
+    forms, elapsed, first, nums = [], [], [], []
+    num_segments = experiment.timeline.valid.shape[0]
+    zero = jnp.zeros(num_segments, dtype=int)
+    for sensor, (fix, segment), num in zip(experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True):
+        to_next = zero.at[segment].set(jnp.diff(fix, append=fix[-1:]))
+        for axis, model in zip(sensor.axes, sensor.noise, strict=True):
+            forms.append(markov_form(model, f"{sensor.name} {axis}"))
+            elapsed.append(to_next)
+            first.append(fix[0])
+            nums.append(num)
+    aiding = AidingNoise(
+        tuple(forms),
+        jnp.stack(elapsed, axis=1) if forms else zero[:, None][:, :0],
+        jnp.stack(first) if forms else zero[:0],
+        tuple(nums),
+    )
+    return Noise(experiment.initial.covariance, truth.bank(complete=True), aiding)
+
+
 @eqx.filter_jit
 def linear_covariance(
     experiment: Experiment,
@@ -95,12 +176,18 @@ def linear_covariance(
     ValueError
         A true process has no state-space form (BI, FLK, FGN).
     """
-    timeline, sensors = experiment.timeline, experiment.sensors
     motion = motion_of(experiment) if motion is None else motion
-    ours = believed.bank()
-    aiding = _Aiding(experiment)
-    joint = _joint(ours, truth.bank(complete=True), aiding)
-    H, variance = stacked(sensors)
+    initial = experiment.initial if believed_initial is None else believed_initial
+    return covariances_along(experiment, motion, noise_of(experiment, truth), believed.bank(), initial)
+
+
+def covariances_along(
+    experiment: Experiment, motion: Motion, noise: Noise, ours: SensorBank, initial: InitialUncertainty
+) -> Lincov:
+    """As `linear_covariance`, from what it is made of: a filter with the states `ours` that believes this start."""
+    timeline, aiding = experiment.timeline, noise.aiding
+    joint = _joint(ours, noise)
+    H, variance = stacked(experiment.sensors)
     H_joint = jnp.concatenate([H, jnp.zeros((len(H), len(joint.states) - aiding.size)), aiding.readout], axis=1)
     kinds = jax.vmap(lambda dt, ends: (step_noise(ours, dt, ends), step_noise(joint, dt, ends)))(
         timeline.dt, timeline.ends
@@ -115,59 +202,14 @@ def linear_covariance(
         P, J = carry
         valid, elapsed = given
         whole, done = update(full(P), H, variance, valid)
-        both, innovation = _update_joint(full(J)[:, :, 0], H_joint, aiding.white, done.gain[:, :, 0], valid)
+        both, innovation = _update_joint(full(J)[:, :, 0], H_joint, aiding.white, done.gain[:, :, 0])
         P, J = blocks(whole), blocks(aiding.advance(both, elapsed)[:, :, None])
-        true, claimed = claim(J, joint), claim(P, ours)
-        out = Lincov(true, claimed, valid * innovation, valid * done.variance[:, 0])
+        out = Lincov(claim(J, joint), claim(P, ours), valid * innovation, valid * done.variance[:, 0])
         return (P, J), jax.tree.map(lambda a: a[..., 0] if a.ndim == 3 else a, out)
 
-    initial = experiment.initial if believed_initial is None else believed_initial
-    J = block_diag(experiment.initial.covariance, joint.initial)
-    J = aiding.advance(J, aiding.before_first)
+    J = aiding.advance(block_diag(noise.start, joint.initial), aiding.first)
     carry = (blocks(start_covariance(initial, ours)[:, :, None]), blocks(J[:, :, None]))
     return time_loop(step, event, carry, (timeline.pattern, motion), (timeline.valid, aiding.elapsed))[1][1]
-
-
-class _Aiding:
-    """States of the true noise of the aiding sensors: what they add to each scalar, and how they move on.
-
-    They move from fix to fix, used or not: after a fix by as many as there are to the next that is used.
-    """
-
-    def __init__(self, experiment: Experiment):
-        forms, row, moves = [], [], []
-        M = experiment.timeline.valid.shape[0]
-        self.elapsed, self.before_first = [], []
-        for sensor, (number, segment), num in zip(
-            experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True
-        ):
-            for i, model in enumerate(sensor.noise):
-                form = markov_form(model, f"{sensor.name} {sensor.axes[i]}")
-                forms.append(form)
-                moves.append((len(form.readout), num))
-                following = jnp.append(number[1:], number[-1])
-                self.elapsed.append(jnp.zeros(M, dtype=int).at[segment].set(following - number))
-                self.before_first.append(number[0])
-        self.forms, self.moves = forms, moves
-        self.size = sum(size for size, _ in moves)
-        none = jnp.zeros((0, 0))
-        self.readout = block_diag(none, *(f.readout[None] for f in forms))
-        self.white = jnp.stack([f.white for f in forms]) if forms else jnp.zeros(0)
-        self.initial = block_diag(none, *(f.initial for f in forms))
-        self.elapsed = jnp.stack(self.elapsed, axis=1) if forms else jnp.zeros((M, 0), dtype=int)
-        self.before_first = jnp.stack(self.before_first) if forms else jnp.zeros(0, dtype=int)
-
-    def advance(self, J: Float[Array, "n n"], elapsed: Int[Array, " K"]) -> Float[Array, "n n"]:
-        """Covariance after as many fixes of each scalar's sensor."""
-        if not self.size:
-            return J
-        many = [
-            _power(f, elapsed[i], num) for i, (f, (_, num)) in enumerate(zip(self.forms, self.moves, strict=True))
-        ]
-        rest = J.shape[0] - self.size
-        A = block_diag(jnp.eye(rest), *(a for a, _ in many))
-        Q = block_diag(jnp.zeros((rest, rest)), *(q for _, q in many))
-        return A @ J @ A.T + Q
 
 
 def _power(form: Any, count: Int[Array, ""], largest: int) -> tuple[Array, Array]:
@@ -187,7 +229,6 @@ def _update_joint(
     H: Float[Array, "K n"],
     white: Float[Array, " K"],
     gain: Float[Array, "K m"],
-    valid: Float[Array, " K"],
 ) -> tuple[Float[Array, "n n"], Float[Array, " K"]]:
     """Second moment after the filter has taken K scalars with its gains, and the variances of the innovations.
 
@@ -196,18 +237,19 @@ def _update_joint(
     gain = jnp.pad(gain, ((0, 0), (0, J.shape[0] - gain.shape[1])))
 
     def scalar(J, inputs):
-        h, r, K, is_valid = inputs
+        h, r, K = inputs
         u = J @ h
         s = h @ u + r
         # (1 - K h) J (1 - K h)' + K r K'; a gain is 0 where there is no fix
         J = J - jnp.outer(K, u) - jnp.outer(u, K) + s * jnp.outer(K, K)
         return symmetrise(J), s
 
-    return jax.lax.scan(scalar, J, (H, white, gain, valid))
+    return jax.lax.scan(scalar, J, (H, white, gain))
 
 
-def _joint(ours: SensorBank, truth: SensorBank, aiding: _Aiding) -> SensorBank:
+def _joint(ours: SensorBank, noise: Noise) -> SensorBank:
     """The filter's states, the true ones, and those of the aiding sensors, which rest between fixes."""
+    truth, aiding = noise.imu, noise.aiding
     nothing, rest = jnp.zeros_like(ours.transition), jnp.eye(aiding.size)
     return SensorBank(
         transition=block_diag(ours.transition, truth.transition, rest),

@@ -339,7 +339,7 @@ class _Collected:
             nis_time=dict(zip(names, self.setup.fix_times, strict=True)),
             nis_dof=dict(zip(names, self.sizes, strict=True)),
             innovation={n: a[:count] for n, a in zip(names, self.innovation, strict=True)},
-            outages={s.name: s.outages for s in self.setup.aiding if s.outages},
+            outages=self.setup.outages,
             notes=tuple(notes),
             tracks=tracks,
             num_requested=num_requested,

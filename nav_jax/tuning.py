@@ -1,0 +1,366 @@
+r"""Noise parameters from recorded navigation data: those under which the innovations of the filter are most likely.
+
+Innovations of a filter that believes the truth are independent and Gaussian with the variances s that it states, so
+
+    -2 log L = sum nu^2/s + log s      over all scalars that are measured (Schweppe 1965),
+
+as a function of the parameters through the whole filter, of which autodiff makes the derivatives. Parameters are sought
+on the real line (logarithms), in coordinates in which the expected information at the start is the unit matrix. What
+the record does not determine is found before the search, held at its start, and marked.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax import Array
+from jaxtyping import Bool, Float, Float64, Int
+
+from nav_jax._check import number as check_number
+from nav_jax._distributions import normal_quantile
+from nav_jax._table import format_table, number
+from nav_jax.earth import FlatEarth
+from nav_jax.filter import Inputs, Timeline
+from nav_jax.initial import InitialUncertainty
+from nav_jax.measurements._base import AbstractAiding
+from nav_jax.navigate import Fixes, prepare_navigation, run_record
+from nav_jax.noise import ImuErrors
+from nav_jax.parameters import AidingLines, ErrorLines
+from nav_jax.sensors import Imu
+
+UNOBSERVABLE = 1.0
+"""Standard error of a logarithm above which a record says nothing of a parameter: a factor of e either way."""
+
+_MAX_STEPS = 60
+_BROKEN = 1e30
+_WEAKEST = 1e-12
+"""Of the eigenvalues of a matrix of correlations: less is rounding."""
+
+
+class Record(eqx.Module):
+    """A recorded run as arrays."""
+
+    timeline: Timeline
+    inputs: Inputs
+    initial: InitialUncertainty
+
+
+class Model(eqx.Module):
+    """What is tuned, as a function of a vector: the errors of the IMU, and if asked for the aiding sensors."""
+
+    errors: ErrorLines
+    aiding: AidingLines
+    with_aiding: bool = eqx.field(static=True)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        return (*self.errors.names, *(self.aiding.names if self.with_aiding else ()))
+
+    @property
+    def start(self) -> Float[Array, " P"]:
+        """The vector of what is given."""
+        return jnp.concatenate([self.errors.start, jnp.zeros(len(self.aiding.names) * self.with_aiding)])
+
+    def build(self, vector: Float[Array, " P"]) -> tuple[ImuErrors, tuple[AbstractAiding, ...]]:
+        """Errors and sensors."""
+        size = len(self.errors.names)
+        sensors = self.aiding.believe(vector[size:]) if self.with_aiding else self.aiding.sensors
+        return self.errors.build(vector[:size]), sensors
+
+
+def innovations(
+    record: Record, errors: ImuErrors, sensors: tuple[AbstractAiding, ...]
+) -> tuple[Float[Array, "M K"], Float[Array, "M K"]]:
+    """Innovations of the filter, each given those before it, and their variances; 0 and 1 where there are none."""
+    outcome = run_record(record.timeline, sensors, record.inputs, errors, record.initial)
+    is_fix = record.timeline.valid > 0
+    nu, s = outcome.innovation[:, :, 0], outcome.variance[:, :, 0]
+    return jnp.where(is_fix, nu, 0.0), jnp.where(is_fix, s, 1.0)
+
+
+def innovation_loss(record: Record, errors: ImuErrors, sensors: tuple[AbstractAiding, ...]) -> Float[Array, ""]:
+    """Minus the logarithm of the likelihood of the innovations, less a constant.
+
+    Pure and differentiable in every parameter of `errors` and in the standard deviations that `sensors` believe.
+    """
+    nu, s = innovations(record, errors, sensors)
+    return 0.5 * jnp.sum(nu**2 / s + jnp.log(s))
+
+
+class Search(NamedTuple):
+    """How a search ended."""
+
+    vector: Float[Array, " P"]
+    loss: Float[Array, ""]
+    """Without the penalty."""
+    hessian: Float[Array, "P P"]
+    """Of loss and penalty."""
+    steps: Int[Array, ""]
+    converged: Bool[Array, ""]
+
+
+@eqx.filter_jit
+def information(record: Record, model: Model) -> Float[Array, "P P"]:
+    """Expected information of a record on the parameters, at the start: of Gaussian nu with variances s.
+
+    sum_t d nu d nu'/s + d log s d log s'/2, in which the gradients of nu take the place of their expectation.
+    """
+
+    def both(vector: Array) -> tuple[Array, Array]:
+        nu, s = innovations(record, *model.build(vector))
+        return nu.ravel(), s.ravel()
+
+    _, s = both(model.start)
+    d_nu, d_s = jax.jacfwd(both)(model.start)
+    d_nu, d_s = d_nu / jnp.sqrt(s)[:, None], d_s / s[:, None]
+    return d_nu.T @ d_nu + d_s.T @ d_s / 2
+
+
+@eqx.filter_jit
+def search(record: Record, model: Model, basis: Float[Array, "P k"], penalty: Float[Array, "P P"]) -> Search:
+    """Minimise loss and penalty over start + basis u.
+
+    Pure, and may be mapped over records. `basis` whitens the information of the parameters that are sought, and is zero
+    for those that are held; `penalty` is W in (v - start)' W (v - start)/2.
+    """
+
+    def plain(vector: Array) -> Array:
+        return innovation_loss(record, *model.build(vector))
+
+    def whole(vector: Array) -> Array:
+        off = vector - model.start
+        return plain(vector) + off @ penalty @ off / 2
+
+    begin = whole(model.start)
+
+    def of_coordinates(u: Array, _: None) -> Array:
+        value = whole(model.start + basis @ u) - begin
+        # a filter that breaks down is as unlikely as can be
+        return jnp.where(jnp.isfinite(value), value, _BROKEN)
+
+    solver = optx.BFGS(rtol=1e-6, atol=1e-4)
+    found = optx.minimise(of_coordinates, solver, jnp.zeros(basis.shape[1]), max_steps=_MAX_STEPS, throw=False)
+    vector = model.start + basis @ found.value
+    return Search(
+        vector,
+        plain(vector),
+        jax.hessian(whole)(vector),
+        found.stats["num_steps"],
+        found.result == optx.RESULTS.successful,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuning:
+    """Noise parameters that a recorded run makes most likely.
+
+    Attributes
+    ----------
+    errors
+        The tuned model.
+    aiding
+        The sensors, with the standard deviations that were found if they were sought.
+    names
+        Of P parameters.
+    start, value
+        Before and after, per sample (factors for aiding sensors), shape (P,).
+    se
+        Standard errors on the real line (of logarithms; of the logit of a phi), NaN where unobservable.
+    ci_low, ci_high
+        Limits of the intervals, NaN where unobservable.
+    observable
+        Whether the record determines the parameter; the others were held at their start.
+    loss_start, loss
+        Minus the logarithm of the likelihood, less a constant.
+    num_innovations
+        Scalars that entered it.
+    converged
+        Whether the search came to its end.
+    level
+        Confidence of the intervals.
+    """
+
+    errors: ImuErrors
+    aiding: tuple[AbstractAiding, ...]
+    names: tuple[str, ...]
+    start: Float64[np.ndarray, " P"]
+    value: Float64[np.ndarray, " P"]
+    se: Float64[np.ndarray, " P"]
+    ci_low: Float64[np.ndarray, " P"]
+    ci_high: Float64[np.ndarray, " P"]
+    observable: Bool[np.ndarray, " P"]
+    loss_start: float
+    loss: float
+    num_innovations: int
+    converged: bool
+    level: float
+
+    def table(self) -> str:
+        """Each parameter before and after, with its interval."""
+        p = f"{100 * self.level:g} %"
+        head = ["parameter", "start", "tuned", f"{p} low", f"{p} high", "se (log)", ""]
+        rows = [
+            [name, *(number(float(x), 4) for x in row), "" if seen else "not observable: held"]
+            for name, seen, *row in zip(
+                self.names, self.observable, self.start, self.value, self.ci_low, self.ci_high, self.se, strict=True
+            )
+        ]
+        return format_table(head, rows)
+
+    def __repr__(self) -> str:
+        ended = "converged" if self.converged else "NOT converged: the search ended at its step limit"
+        gain = self.loss_start - self.loss
+        return (
+            f"Tuning by the likelihood of {self.num_innovations} innovations: {ended}\n"
+            f"log likelihood {gain:+.4g} against the start\n{self.table()}"
+        )
+
+
+def tune(
+    imu: Imu,
+    aiding: Sequence[Fixes],
+    errors: ImuErrors,
+    *,
+    position: Any,
+    velocity: Any,
+    quaternion: Any,
+    initial: InitialUncertainty,
+    tune_aiding: bool = False,
+    hold: Sequence[str] = (),
+    prior: Any = None,
+    every: int = 10,
+    earth: FlatEarth | None = None,
+    level: float = 0.95,
+) -> Tuning:
+    """Find the noise parameters under which the innovations of a recorded run are most likely.
+
+    Parameters
+    ----------
+    imu, aiding, position, velocity, quaternion, initial, every, earth
+        See `nav_jax.navigate`.
+    errors
+        Where the search starts, such as fits of a static recording; its structure is that of the result.
+    tune_aiding
+        Seek also the standard deviations that the filter believes of the aiding sensors.
+    hold
+        Names of parameters that are not sought.
+    prior
+        Penalise the way from the start: a standard deviation of the logarithms, or their covariance (P, P).
+    level
+        Confidence of the intervals.
+
+    Raises
+    ------
+    ValueError
+        No fix, an unknown name, a prior that is no covariance, nothing that the record determines, a filter that fails
+        at the start; as of `nav_jax.navigate`.
+    """
+    if not aiding:
+        raise ValueError("Without aiding there are no innovations, and nothing to tune by.")
+    done = prepare_navigation(
+        imu,
+        aiding,
+        errors,
+        position=position,
+        velocity=velocity,
+        quaternion=quaternion,
+        every=every,
+        output_interval=imu.duration,
+        earth=earth,
+    )
+    record = Record(done.timeline, done.inputs, initial)
+    model = Model(ErrorLines(errors), AidingLines(done.sensors), tune_aiding)
+    names, size = model.names, len(model.names)
+    if unknown := sorted(set(hold) - set(names)):
+        raise ValueError(f"There is no parameter {unknown[0]!r} to hold; there are {', '.join(names)}.")
+    penalty = _penalty(prior, size)
+    begin = float(innovation_loss(record, *model.build(model.start)))
+    if not np.isfinite(begin):
+        raise ValueError("The filter fails at the start: look at the record with navigate first.")
+    info = np.asarray(information(record, model)) + penalty
+    sought = observable_parameters(info, [i for i in range(size) if names[i] not in hold])
+    if not sought:
+        raise ValueError("The record determines none of the parameters: it is too short, or its aiding too poor.")
+    found = jax.tree.map(np.asarray, search(record, model, jnp.asarray(whitening(info, sought)), jnp.asarray(penalty)))
+    se = standard_errors(found.hessian, sought)
+    seen = se < UNOBSERVABLE
+    z = normal_quantile(level)
+    lines = [found.vector + k * z * np.where(seen, se, np.nan) for k in (-1, 1)]
+    tuned, sensors = model.build(jnp.asarray(found.vector))
+    limits = np.stack([_values(model, np.where(seen, x, found.vector)) for x in lines])
+    return Tuning(
+        errors=tuned,
+        aiding=sensors,
+        names=names,
+        start=_values(model, np.asarray(model.start)),
+        value=_values(model, found.vector),
+        se=np.where(seen, se, np.nan),
+        ci_low=np.where(seen, limits.min(axis=0), np.nan),
+        ci_high=np.where(seen, limits.max(axis=0), np.nan),
+        observable=seen,
+        loss_start=begin,
+        loss=float(found.loss),
+        num_innovations=int(np.asarray(record.timeline.valid).sum()),
+        converged=bool(found.converged),
+        level=level,
+    )
+
+
+def observable_parameters(info: Float64[np.ndarray, "P P"], candidates: Sequence[int]) -> list[int]:
+    """Parameters that all have a standard error below `UNOBSERVABLE`: the least sure is given up first."""
+    left = list(candidates)
+    while left:
+        errors = standard_errors(info, left)[left]
+        worst = int(np.argmax(errors))
+        if errors[worst] < UNOBSERVABLE:
+            return left
+        del left[worst]
+    return []
+
+
+def standard_errors(info: Float64[np.ndarray, "P P"], active: Sequence[int]) -> Float64[np.ndarray, " P"]:
+    """Of the active parameters, from their information; inf for others and for what is singular."""
+    out, at = np.full(len(info), np.inf), np.ix_(active, active)
+    scale = np.sqrt(np.maximum(np.diag(info)[list(active)], np.finfo(float).tiny))
+    roots, vectors = np.linalg.eigh(info[at] / np.outer(scale, scale))
+    if not np.isfinite(roots).all():
+        return out
+    inverse = np.where(roots > _WEAKEST, 1 / np.where(roots > _WEAKEST, roots, 1.0), np.inf)
+    with np.errstate(invalid="ignore"):
+        out[list(active)] = np.sqrt(np.nansum(vectors**2 * inverse, axis=1)) / scale
+    return out
+
+
+def whitening(info: Float64[np.ndarray, "P P"], sought: Sequence[int]) -> Float64[np.ndarray, "P k"]:
+    """B with B' I B = 1 over the sought parameters, zero rows for the others."""
+    at = np.ix_(sought, sought)
+    basis = np.zeros((len(info), len(sought)))
+    basis[list(sought)] = np.linalg.inv(np.linalg.cholesky(info[at])).T
+    return basis
+
+
+def _values(model: Model, vector: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, " P"]:
+    """Parameters per sample, and factors."""
+    size = len(model.errors.names)
+    return np.concatenate([model.errors.values(vector[:size]), np.exp(vector[size:])])
+
+
+def _penalty(prior: Any, size: int) -> Float64[np.ndarray, "P P"]:
+    if prior is None:
+        return np.zeros((size, size))
+    if np.ndim(prior) == 0:
+        return np.eye(size) / check_number("prior", prior) ** 2
+    covariance = np.asarray(prior, dtype=float)
+    if covariance.shape != (size, size) or not np.isfinite(covariance).all():
+        raise ValueError(f"The covariance of the prior is ({size}, {size}) and finite; this one is {covariance.shape}.")
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("The covariance of the prior is not positive definite.") from error
+    return np.linalg.inv(covariance)
