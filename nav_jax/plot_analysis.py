@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from nav_jax.analysis import Covariances
 from nav_jax.budget import Budget
 from nav_jax.calibration import CalibrationEffect
-from nav_jax.design import Design, judged
+from nav_jax.design import Candidate, Design, judged
 from nav_jax.plot_runs import COLOURS, grid, logarithmic, shade
 from nav_jax.sensitivities import QUANTITIES, Sensitivities
 from nav_jax.tuning import Tuning
@@ -196,33 +196,37 @@ def plot_design(d: Design) -> Figure:
         The design; the numbers at a filter are its Gauss-Markov processes on an axis, accelerometer + gyro, and a
         question mark that its search did not converge.
     """
-    figure, ((position, nees, loss),) = _frames(1, 3, (14.0, 4.8), sharex=False)
-    designed = np.array([judged(c.covariances) for c in d.candidates])
-    naive = np.array([judged(c.covariances_naive) for c in d.candidates])
-    right, states = judged(d.right), [c.num_states for c in d.candidates]
-    true_states = len(d.truth.bank().states)
+    figure, ((position, nees, loss),) = _frames(1, 3, (14.0, 5.0), sharex=False)
+    designed = np.array([(*judged(c.covariances), c.loss) for c in d.candidates])
+    naive = np.array([(*judged(c.covariances_naive), c.loss_naive) for c in d.candidates])
+    right, true_states, at = judged(d.right), len(d.truth.bank().states), _side_by_side(d.candidates)
+    for ax, column in ((position, 0), (nees, 2), (loss, 3)):
+        ax.vlines(at, designed[:, column], naive[:, column], color="0.75", lw=1.0, zorder=1)
+        ax.plot(at, naive[:, column], "v", color=COLOURS[1], mfc="none", label="truncated: a part of the truth")
+        ax.plot(at, designed[:, column], "o", color=COLOURS[0], label="designed")
+        for c, x, value in zip(d.candidates, at, designed[:, column], strict=True):
+            text = f"{c.num_accel}+{c.num_gyro}{'' if c.converged else '?'}"
+            place: Any = {"textcoords": "offset points", "ha": "center", "va": "top", "rotation": 90}
+            ax.annotate(text, (x, value), (0, -7), fontsize=8, **place)
     for ax, column in ((position, 0), (nees, 2)):
-        _candidates(ax, states, designed[:, column], naive[:, column])
         ax.plot(true_states, right[column], "*", color=COLOURS[2], ms=13, label="right: believes the truth")
         ax.axhline(right[column], color=COLOURS[2], lw=0.9, ls=":")
+        ax.margins(x=0.1, y=0.18)
+        logarithmic(ax)
+    front = {id(c) for c in d.pareto}
+    on_front = [i for i, c in enumerate(d.candidates) if id(c) in front]
+    loss.step(at[on_front], designed[on_front, 3], where="post", color=COLOURS[0], lw=1.2, label="Pareto front")
+    # filters that are far off would press all others flat
+    low, spread = designed[:, 3].min(), max(np.ptp(designed[:, 3]), 1e-3)
+    loss.set(xmargin=0.1, ylim=(low - 0.25 * spread, low + 1.7 * spread))
     position.set(ylabel="true RMS position error [m]", title="position error at the judged epoch")
     nees.set(ylabel="expected NEES / 9 [1]", title="consistency of position, velocity, attitude")
-    _candidates(loss, states, [c.loss for c in d.candidates], [c.loss_naive for c in d.candidates])
-    front = d.pareto
-    front_states, front_loss = [c.num_states for c in front], [c.loss for c in front]
-    loss.step(front_states, front_loss, where="post", color=COLOURS[0], lw=1.2, label="Pareto front")
     loss.set(ylabel=f"loss: {d.objective} [1]", title="what was minimised (lower is better)")
-    for ax in (position, nees):
-        logarithmic(ax)
-    for ax, values in ((position, designed[:, 0]), (nees, designed[:, 2]), (loss, [c.loss for c in d.candidates])):
-        for c, value in zip(d.candidates, values, strict=True):
-            text = f"{c.num_accel}+{c.num_gyro}{'' if c.converged else '?'}"
-            ax.annotate(text, (c.num_states, value), (6, 5), textcoords="offset points", fontsize=8)
+    for ax in (position, nees, loss):
         ax.set_xlabel("sensor states of the filter [1]")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-        ax.margins(x=0.12)
         grid(ax)
-        ax.legend(fontsize=8)
+        ax.legend(fontsize=8, loc="upper right")
     return figure
 
 
@@ -235,18 +239,19 @@ def plot_tuning(t: Tuning) -> Figure:
         The tuning.
     """
     figure, ((ax,),) = _frames(1, 1, (9.0, 1.6 + 0.42 * len(t.names)))
-    rows = np.arange(len(t.names))
-    factor, low, high = (x / t.start for x in (t.value, t.ci_low, t.ci_high))
-    seen = t.observable
+    rows, seen = np.arange(len(t.names)), t.observable
+    factor, low, high = (x[seen] / t.start[seen] for x in (t.value, t.ci_low, t.ci_high))
     ax.axvline(1.0, color=_INK, lw=1.0, ls=":", label="start")
-    bars = np.stack([factor - low, high - factor])[:, seen]
     interval = f"tuned, {100 * t.level:g} % interval"
-    ax.errorbar(factor[seen], rows[seen], xerr=bars, fmt="o", color=COLOURS[0], capsize=4, lw=1.6, label=interval)
+    bars = [factor - low, high - factor]
+    ax.errorbar(factor, rows[seen], xerr=bars, fmt="o", color=COLOURS[0], capsize=4, lw=1.6, label=interval)
     if not seen.all():
-        ax.plot(factor[~seen], rows[~seen], "x", color=COLOURS[1], ms=8, mew=1.8, label="not observable: held")
+        nothing = np.ones(np.count_nonzero(~seen))
+        ax.plot(nothing, rows[~seen], "x", color=COLOURS[1], ms=8, mew=1.8, label="not observable")
     ax.set(yticks=rows, yticklabels=t.names, xlabel="factor on the start [1]", ylim=(len(rows) - 0.5, -0.5))
+    widest = 1.3 * max(2.0, *high, *(1 / low))
+    ax.set_xlim(1 / widest, widest)
     logarithmic(ax, "x")
-    ax.margins(x=0.1)
     grid(ax)
     gain = f"log likelihood {t.loss_start - t.loss:+.4g}" + ("" if t.converged else ", NOT converged")
     ax.set_title(f"{t.num_innovations} innovations: {gain}", fontsize=11)
@@ -254,12 +259,15 @@ def plot_tuning(t: Tuning) -> Figure:
     return figure
 
 
-def _candidates(ax: Axes, states: Sequence[int], designed: Any, naive: Any) -> None:
-    """Of each structure the designed filter and its naive counterpart, joined."""
-    for n, a, b in zip(states, designed, naive, strict=True):
-        ax.plot([n, n], [a, b], color="0.75", lw=1.0, zorder=1)
-    ax.plot(states, naive, "v", color=COLOURS[1], mfc="none", label="truncated: a part of the truth")
-    ax.plot(states, designed, "o", color=COLOURS[0], label="designed")
+def _side_by_side(candidates: Sequence[Candidate]) -> np.ndarray:
+    """Numbers of states, of which equal ones are moved apart a little."""
+    states = np.array([c.num_states for c in candidates])
+    apart = 0.06 * max(np.ptp(states), 1)
+    at = states.astype(float)
+    for n in set(states):
+        same = np.flatnonzero(states == n)
+        at[same] += apart * (np.arange(len(same)) - (len(same) - 1) / 2)
+    return at
 
 
 def _over_time(ax: Axes, outages: Iterable[tuple[float, float]]) -> None:
