@@ -52,8 +52,8 @@ NAV_JAX = """
     parameters lincov analysis sensitivities budget calibration
     _store results_io
     runs ranking comparison
-    monte_carlo navigate tuning design
-    plot_runs plot plot_analysis config_sections config report demo cli __main__
+    monte_carlo navigate record_io tuning design_family design_search design
+    plot_runs plot plot_analysis config_sections config config_record report report_analysis demo cli __main__
     __init__
 """
 ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
@@ -61,7 +61,8 @@ ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
 
 LEAVES = (
     *("plot", "plot_bootstrap", "plot_selection", "plot_records", "plot_runs", "plot_analysis"),
-    *("config_sections", "config", "report", "demo", "cli_parts", "cli", "__main__"),
+    *("config_sections", "config", "config_record", "report", "report_analysis"),
+    *("demo", "cli_parts", "cli", "__main__"),
 )
 """Imported by nobody but other leaves; `plot...` also inside methods."""
 
