@@ -69,7 +69,7 @@ def budget_report(analysis: Analysis, name: str, budget: Budget, sensitivities: 
 
 def design_report(design: Design, best: Candidate, confirmed: Comparison | None) -> Report:
     """All structures, the best filter, and its Monte Carlo if there is one."""
-    section = filter_section("designed", best.errors, f"{best.name}: {best.num_states} states")
+    section = filter_section("designed", best.errors, f"{best.name}: {best.num_states} sensor states")
     on_front = {id(c) for c in design.pareto}
     content = {
         "objective": design.objective,
@@ -93,7 +93,7 @@ def design_report(design: Design, best: Candidate, confirmed: Comparison | None)
     text = f"{design!r}\n\n{section}"
     figures: dict[str, Callable[[], Figure]] = {"design.png": design.plot}
     if confirmed is not None:
-        text = f"{text}\nMonte Carlo of the best filter\n{confirmed!r}"
+        text = f"{text}\n\nMonte Carlo of the best filter\n{confirmed!r}"
         if confirmed.num_common >= 2:
             content["confirmed"] = confirmed.table().to_list()
             figures["confirmed.png"] = lambda: plot_comparison(confirmed)
@@ -120,7 +120,7 @@ def tuning_report(tuning: Tuning) -> Report:
 def filter_section(name: str, errors: ImuErrors, comment: str) -> str:
     """A filter as a section of a configuration, with all digits."""
     lines = [f"{key} = {_toml(value)}" for key, value in _keys(errors).items()]
-    return "\n".join([f"[filters.{name}]  # {comment}", *lines, ""])
+    return "\n".join([f"[filters.{name}]  # {comment}", *lines])
 
 
 def _keys(errors: ImuErrors) -> dict[str, Any]:
@@ -161,12 +161,15 @@ def _errors_at(c: Covariances) -> dict[str, float]:
     errors = {}
     for block in ("position", "velocity", "attitude"):
         errors |= {f"{block}_rms": float(c.rms(block)[k]), f"{block}_claimed": float(c.rms_claimed(block)[k])}
-        errors |= {f"{block}_nees": float(c.nees(block)[k] / 3), f"{block}_coverage": float(c.coverage(block)[k])}
+        errors |= {
+            f"{block}_nees_over_dof": float(c.nees(block)[k] / 3),
+            f"{block}_coverage": float(c.coverage(block)[k]),
+        }
     return errors
 
 
 def _judged(covariances: tuple[Covariances, ...]) -> dict[str, float]:
-    return dict(zip(("position_rms", "position_claimed", "nees"), judged(covariances), strict=True))
+    return dict(zip(("position_rms", "position_claimed", "nees_over_dof"), judged(covariances), strict=True))
 
 
 def _plain(value: Any) -> Any:
