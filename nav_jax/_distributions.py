@@ -120,4 +120,5 @@ def weighted_chi2_cdf(weights: Float[np.ndarray, "*E k"], x: float) -> Float[np.
     s = np.append(r, r * angle * (cot + 1j)) / x
     step = np.append(0.5, 1 + 1j * (angle + (angle * cot - 1) * cot))
     transform = np.prod((1 + 2 * np.asarray(weights)[..., None, :] * s[:, None]) ** -0.5, axis=-1) / s
-    return np.clip(np.sum(np.real(np.exp(s * x) * transform * step), axis=-1) * r / (_TALBOT * x), 0.0, 1.0)
+    total = np.sum(np.real(np.exp(s * x) * transform * step), axis=-1) * r / (_TALBOT * x)
+    return np.asarray(np.clip(total, 0.0, 1.0))

@@ -20,6 +20,7 @@ from nav_jax.initial import InitialUncertainty
 from nav_jax.lincov import Lincov, linear_covariance, motion_of
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
+from nav_jax.recorded import RecordedErrors
 from nav_jax.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ class Analysis(Mapping[str, Covariances]):
 
 def analyse(
     reference: Trajectory,
-    truth: ImuErrors,
+    truth: ImuErrors | RecordedErrors,
     filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
     *,
     aiding: Sequence[AbstractAiding],
@@ -251,10 +252,11 @@ def analyse(
     Raises
     ------
     ValueError
-        Rates that differ, a true process without state-space form, and as in `compare`.
+        A truth that is a recording or has a process without state-space form; rates that differ; as in `compare`.
     """
-    if filters is None:
-        filters = truth
+    if not isinstance(truth, ImuErrors):
+        raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
+    filters = truth if filters is None else filters
     by_name = {"filter": filters} if isinstance(filters, ImuErrors) else dict(filters)
     setup = make_setup(
         reference, truth, by_name, aiding, initial, every=every, output_interval=output_interval, earth=earth
@@ -288,12 +290,10 @@ def make_setup(
     Raises
     ------
     ValueError
-        No filter, a truth that is no model, and as in `compare`.
+        No filter, and as in `compare`.
     """
     if not filters:
         raise ValueError("Give at least one filter: {name: ImuErrors}.")
-    if not isinstance(truth, ImuErrors):
-        raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
     return Setup(
         reference,
         aiding,

@@ -53,8 +53,8 @@ def monte_carlo(
     name
         Of the filter in tables and figures.
     options
-        ``aiding, num_runs, key, initial, gains, smooth, every, output_interval, earth, chunk_size, workers, keep, progress``,
-        see `compare`.
+        ``aiding, num_runs, key, initial, gains, smooth, every, output_interval, earth, chunk_size, workers, keep,
+        progress``, see `compare`.
 
     Returns
     -------

@@ -17,16 +17,23 @@ from jaxtyping import Float
 
 from nav_jax.ekf import NavState, inject
 from nav_jax.error_model import blocks
-from nav_jax.filter import Outcome, Sensors, Timeline, stacked
+from nav_jax.filter import Memory, Outcome, Sensors, Timeline, stacked
 from nav_jax.judge import Truth, claim, judge
 from nav_jax.linalg import symmetrise
 from nav_jax.sensor_bank import SensorBank
 
 
 def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Outcome) -> Outcome:
-    """The outcome of a filter that remembered, with the smoothed estimate and its covariance in its judgement."""
+    """The outcome of a filter that remembered, with the smoothed estimate and its covariance in its judgement.
+
+    Raises
+    ------
+    ValueError
+        It did not remember.
+    """
     memory = outcome.memory
-    assert memory is not None
+    if memory is None:
+        raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, believed, smooth=True).")
     state, P = smooth_events(timeline.valid, stacked(sensors)[0], outcome)
     lasting = jax.vmap(bank.errors)(outcome.state.x) - outcome.judgement.error[:, 9:]
 
@@ -51,8 +58,7 @@ def smooth_events(
     outcome
         Of a filter that remembered.
     """
-    memory = outcome.memory
-    assert memory is not None
+    memory: Memory = outcome.memory  # type: ignore[assignment]
     n, num_covariances = memory.P.shape[1], memory.P.shape[3]
     num_runs = outcome.innovation.shape[2]
     h_whole = jnp.pad(H, ((0, 0), (0, n - 9)))
