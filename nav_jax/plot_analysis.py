@@ -79,8 +79,7 @@ def plot_sensitivities(
         So many parameters: those with the largest relative effect on one of the quantities at the judged epoch.
     """
     k = s.epoch()
-    with np.errstate(invalid="ignore"):
-        effect = np.nanmax([np.abs(np.nan_to_num(s.elasticity(q)[k])) for q in quantities], axis=0)
+    effect = np.max([np.abs(np.nan_to_num(s.elasticity(q)[k])) for q in quantities], axis=0)
     chosen = [p for p in np.argsort(-effect)[:num] if effect[p] > 0]
     colours = dict(zip(dict.fromkeys(s.names[p] for p in chosen), cycle(COLOURS), strict=False))
     figure, axes = _frames(len(quantities), 1, (10.5, 1.2 + 2.5 * len(quantities)))

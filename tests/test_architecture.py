@@ -207,7 +207,7 @@ def test_the_packages_keep_their_layers():
         ("gmwm_jax/surprise.py", "", "add it to ORDER"),
         ("gmwm_jax/processes/surprise.py", "", "add it to ORDER"),
         ("gmwm_jax/units.py", "\n" * 401, "401 lines"),
-        ("nav_jax/__init__.py", "from gmwm_jax import GM", "only noise of nav_jax"),
+        ("nav_jax/__init__.py", "from gmwm_jax import GM", "only noise, noise_models of nav_jax"),
         # what is allowed
         ("gmwm_jax/io.py", "from gmwm_jax import units as units_", None),
         ("gmwm_jax/io.py", "from gmwm_jax.wavelet import scales, TAU", None),
