@@ -146,7 +146,7 @@ def error_budget(
     sources = _sources(experiment, truth, noise)
     if not sources:
         raise ValueError("There is no source of error: no sensor noise, no uncertainty of the start, no aiding.")
-    weights = jax.tree.map(lambda *a: jnp.asarray(np.stack(a)), *sources.values())
+    weights = jax.tree.map(lambda *a: jnp.stack(a), *sources.values())
 
     @jax.jit
     @jax.vmap
@@ -189,7 +189,7 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
         w = [np.zeros(n) for n in (9, M, 6, K)]
         for array, at in zip(w, (start, states, channels, aiding), strict=True):
             array[list(at)] = 1.0
-        found[name] = _Weights(*w)
+        found[name] = _Weights(*map(jnp.asarray, w))
 
     for group in shared_channels(truth):
         if white[list(group.channels)].any():
@@ -197,9 +197,15 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
         mine = [(i, s.label.split(" ")[0]) for i, s in enumerate(noise.imu.states) if s.channel in group.channels]
         for label in dict.fromkeys(label for _, label in mine):
             add(f"{group.name} {label}", states=[i for i, of in mine if of == label])
-    for name, part in STARTS.items():
-        if known[part].any():
-            add(f"start {name}", start=range(9)[part])
+    across = np.array(noise.start)
+    for part in STARTS.values():
+        across[part, part] = 0.0
+    if across.any():  # position, velocity and attitude are not independent
+        add("start", start=range(9))
+    else:
+        for name, part in STARTS.items():
+            if known[part].any():
+                add(f"start {name}", start=range(9)[part])
     first = 0
     for sensor in experiment.sensors:
         add(sensor.name, aiding=range(first, first + len(sensor.axes)))

@@ -101,7 +101,7 @@ class Family(eqx.Module):
                 white[channel] = jnp.exp(log_r)
                 phi.append(jnp.exp(-beta))
                 driving.append(q)
-                initial.append(q / -jnp.expm1(-2 * beta) * (self.truth.start != "zero"))
+                initial.append(q / -jnp.expm1(-2 * beta) * float(self.truth.start != "zero"))
                 states += [SensorState(channel, f"GM_{i + 1}") for i in range(self.slots[g])]
                 if channel in self.truth.biased:
                     phi.append(jnp.ones(1))

@@ -146,6 +146,8 @@ class Tuning:
         Limits of the intervals, NaN where unobservable.
     observable
         Whether the record determines the parameter; the others were held at their start.
+    held
+        Names that were not sought because it was asked for.
     loss_start, loss
         Minus the logarithm of the likelihood, less a constant.
     num_innovations
@@ -165,6 +167,7 @@ class Tuning:
     ci_low: Float64[np.ndarray, " P"]
     ci_high: Float64[np.ndarray, " P"]
     observable: Bool[np.ndarray, " P"]
+    held: tuple[str, ...]
     loss_start: float
     loss: float
     num_innovations: int
@@ -176,12 +179,17 @@ class Tuning:
         p = f"{100 * self.level:g} %"
         head = ["parameter", "start", "tuned", f"{p} low", f"{p} high", "se (log)", ""]
         rows = [
-            [name, *(number(float(x), 4) for x in row), "" if seen else "not observable: held"]
+            [name, *(number(float(x), 4) for x in row), self._remark(name, bool(seen))]
             for name, seen, *row in zip(
                 self.names, self.observable, self.start, self.value, self.ci_low, self.ci_high, self.se, strict=True
             )
         ]
         return format_table(head, rows)
+
+    def _remark(self, name: str, seen: bool) -> str:
+        if name in self.held:
+            return "held"
+        return "" if seen else "not observable: held"
 
     def __repr__(self) -> str:
         ended = "converged" if self.converged else "NOT converged: the search ended at its step limit"
@@ -293,6 +301,7 @@ def tune(
         ci_low=np.where(seen, limits.min(axis=0), np.nan),
         ci_high=np.where(seen, limits.max(axis=0), np.nan),
         observable=seen,
+        held=tuple(hold),
         loss_start=float(begin.loss),
         loss=float(found.fun + begin.loss - _off(penalty, vector - start)),
         num_innovations=int(np.asarray(record.timeline.valid).sum()),
