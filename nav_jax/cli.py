@@ -193,6 +193,7 @@ def tune(
     tune_aiding: Annotated[bool, typer.Option("--tune-aiding", help="Seek the noise of the aiding too.")] = False,
     hold: Annotated[list[str] | None, typer.Option(help="A parameter that is not sought; may be repeated.")] = None,
     prior: Annotated[float | None, typer.Option(help="Standard deviation of the logarithms about the start.")] = None,
+    max_steps: Annotated[int, typer.Option(min=1, help="Of the search.")] = 50,
     out: Out = None,
     json_file: Json = None,
     plot: Plot = None,
@@ -202,7 +203,7 @@ def tune(
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
     _say(f"Search from {name} ...")
-    found = known.tune(name, tune_aiding=tune_aiding, hold=hold or (), prior=prior)
+    found = known.tune(name, tune_aiding=tune_aiding, hold=hold or (), prior=prior, max_steps=max_steps)
     _give(tuning_report(found), json_file, folder, plot=plot)
 
 

@@ -230,7 +230,7 @@ def plot_design(d: Design) -> Figure:
 
 
 def plot_tuning(t: Tuning) -> Figure:
-    """Each parameter relative to its start, with its interval; those that the record does not determine are marked.
+    """Each parameter relative to its start, with its interval; those that were held are marked, and why.
 
     Parameters
     ----------
@@ -244,9 +244,11 @@ def plot_tuning(t: Tuning) -> Figure:
     interval = f"tuned, {100 * t.level:g} % interval"
     bars = [factor - low, high - factor]
     ax.errorbar(factor, rows[seen], xerr=bars, fmt="o", color=COLOURS[0], capsize=4, lw=1.6, label=interval)
-    if not seen.all():
-        nothing = np.ones(np.count_nonzero(~seen))
-        ax.plot(nothing, rows[~seen], "x", color=COLOURS[1], ms=8, mew=1.8, label="not observable")
+    held = np.isin(t.names, t.held)
+    for chosen, style, label in ((~seen & ~held, "x", "not observable"), (held, "s", "held")):
+        if chosen.any():
+            at, colour = rows[chosen], COLOURS[1] if style == "x" else _INK
+            ax.plot(np.ones(len(at)), at, style, color=colour, mfc="none", ms=8, mew=1.8, label=label)
     ax.set(yticks=rows, yticklabels=t.names, xlabel="factor on the start [1]", ylim=(len(rows) - 0.5, -0.5))
     widest = 1.3 * max(2.0, *high, *(1 / low))
     ax.set_xlim(1 / widest, widest)
@@ -254,7 +256,7 @@ def plot_tuning(t: Tuning) -> Figure:
     grid(ax)
     gain = f"log likelihood {t.loss_start - t.loss:+.4g}" + ("" if t.converged else ", NOT converged")
     ax.set_title(f"{t.num_innovations} innovations: {gain}", fontsize=11)
-    figure.legend(loc="outside lower center", ncols=3, fontsize=8)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 

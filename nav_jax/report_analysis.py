@@ -110,7 +110,7 @@ def tuning_report(tuning: Tuning) -> Report:
         "level": tuning.level,
         "num_innovations": tuning.num_innovations,
         "log_likelihood_gain": tuning.loss_start - tuning.loss,
-        "parameters": [dict(zip(("name", *columns), row, strict=True)) for row in rows],
+        "parameters": [dict(zip(("name", *columns), row, strict=True), held=row[0] in tuning.held) for row in rows],
         "aiding": {s.name: dict(zip(s.axes, np.asarray(s.believed).tolist(), strict=True)) for s in tuning.aiding},
         "filter": _keys(tuning.errors),
     }

@@ -88,18 +88,19 @@ def make_design():
 
 
 def make_tuning():
-    """Three parameters, of which the record says nothing of the second."""
-    start, nan = np.array([1e-4, 0.01, 1e-6]), np.nan
+    """Four parameters: the record says nothing of the second, and the last was held."""
+    start, nan = np.array([1e-4, 0.01, 1e-6, 1e-7]), np.nan
     return nj.Tuning(
         errors=TRUTH,
         aiding=(nj.GnssPosition(1.0, horizontal=1.0, vertical=2.0),),
-        names=("accel WN sigma2", "accel GM beta", "accel GM variance"),
+        names=("accel WN sigma2", "accel GM beta", "accel GM variance", "gyro WN sigma2"),
         start=start,
-        value=start * [2.0, 1.0, 0.5],
-        se=np.array([0.1, nan, 0.2]),
-        ci_low=start * [1.6, nan, 0.3],
-        ci_high=start * [2.5, nan, 0.8],
-        observable=np.array([True, False, True]),
+        value=start * [2.0, 1.0, 0.5, 1.0],
+        se=np.array([0.1, nan, 0.2, nan]),
+        ci_low=start * [1.6, nan, 0.3, nan],
+        ci_high=start * [2.5, nan, 0.8, nan],
+        observable=np.array([True, False, True, False]),
+        held=("gyro WN sigma2",),
         loss_start=-100.0,
         loss=-112.0,
         num_innovations=300,

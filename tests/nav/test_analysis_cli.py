@@ -248,7 +248,7 @@ def test_a_filter_as_a_section_has_all_digits():
 def test_tune_reads_the_record_and_starts_from_the_filter(record, tmp_path, monkeypatch):
     seen = []
     monkeypatch.setattr(config_record, "tune", lambda *given, **named: seen.append((given, named)) or make_tuning())
-    options = ["--filter", "other", "--tune-aiding", "--hold", "a", "--hold", "b", "--prior", 0.5]
+    options = ["--filter", "other", "--tune-aiding", "--hold", "a", "--hold", "b", "--prior", 0.5, "--max-steps", 3]
     stdout = call("tune", record, *options, "--out", tmp_path / "out").stdout
     (((imu, (gnss, baro), errors), named),) = seen
     assert (imu.rate, len(imu)) == (pytest.approx(20.0), 200)
@@ -261,15 +261,16 @@ def test_tune_reads_the_record_and_starts_from_the_filter(record, tmp_path, monk
     assert "0.001" in repr(errors)
     np.testing.assert_allclose(named["velocity"], [10, 0, 0])
     np.testing.assert_allclose(named["quaternion"], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
-    assert {k: named[k] for k in ("tune_aiding", "hold", "prior", "every")} == {
-        "tune_aiding": True, "hold": ["a", "b"], "prior": 0.5, "every": 5,
+    assert {k: named[k] for k in ("tune_aiding", "hold", "prior", "every", "max_steps")} == {
+        "tune_aiding": True, "hold": ["a", "b"], "prior": 0.5, "every": 5, "max_steps": 3,
     }  # fmt: skip
     assert stdout.startswith(repr(make_tuning()))
     files = {p.name: p.read_bytes() for p in (tmp_path / "out").iterdir()}
     assert set(files) == {"tuning.txt", "tuning.json", "tuning.toml", "tuning.png"}
     content = json.loads(files["tuning.json"])
     assert content["log_likelihood_gain"] == 12.0
-    assert [p["se"] for p in content["parameters"]] == [0.1, None, 0.2]
+    assert [p["se"] for p in content["parameters"]] == [0.1, None, 0.2, None]
+    assert [p["held"] for p in content["parameters"]] == [False, False, False, True]
     assert content["aiding"] == {"gnss_position": {"n": 1.0, "e": 1.0, "d": 2.0}}
     assert content["filter"] == tomllib.loads(files["tuning.toml"].decode())["filters"]["tuned"]
 

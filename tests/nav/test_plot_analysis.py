@@ -218,14 +218,14 @@ def test_parameters_before_and_after_a_tuning():
     np.testing.assert_allclose(bars.lines[0].get_xydata(), [[2, 0], [0.5, 2]])
     segments = bars.lines[2][0].get_segments()
     np.testing.assert_allclose([s[:, 0] for s in segments], [[1.6, 2.5], [0.3, 0.8]])
-    (unseen,) = [one for one in ax.lines if one.get_label() == "not observable"]
-    np.testing.assert_array_equal(unseen.get_xydata(), [[1, 1]])
-    assert set(texts(figure.legends[0])) == {"start", "tuned, 95 % interval", "not observable"}
+    marked = {one.get_label(): one.get_xydata().tolist() for one in ax.lines}
+    assert (marked["not observable"], marked["held"]) == ([[1, 1]], [[1, 3]])
+    assert set(texts(figure.legends[0])) == {"start", "tuned, 95 % interval", "not observable", "held"}
     assert ax.get_title() == "300 innovations: log likelihood +12"
 
 
 def test_a_tuning_that_did_not_converge_says_so():
-    t = replace(make_tuning(), converged=False, observable=np.array([True, True, True]))
+    t = replace(make_tuning(), converged=False, observable=np.full(4, True), held=())
     t = replace(t, ci_low=0.9 * t.value, ci_high=1.1 * t.value)
     figure = t.plot()
     assert figure.axes[0].get_title().endswith("NOT converged")
