@@ -67,6 +67,8 @@ from nav_jax.navigate import Navigation as Navigation
 from nav_jax.navigate import navigate as navigate
 from nav_jax.noise import ImuErrors as ImuErrors
 from nav_jax.ranking import Ranking as Ranking
+from nav_jax.record_io import read_fixes as read_fixes
+from nav_jax.record_io import read_imu as read_imu
 from nav_jax.recorded import RecordedErrors as RecordedErrors
 from nav_jax.runs import Runs as Runs
 from nav_jax.runs import Track as Track

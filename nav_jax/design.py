@@ -188,11 +188,11 @@ class Design:
         on_front = {id(c) for c in self.pareto}
         rows = []
         for c in self.candidates:
-            designed, naive = _summary(c.covariances), _summary(c.covariances_naive)
+            designed, naive = judged(c.covariances), judged(c.covariances_naive)
             cells = [number(x, 4) for x in (*designed, naive[0], naive[2])]
             mark = " ".join(["*"] * (id(c) in on_front) + ["not converged"] * (not c.converged))
             rows.append([c.name, str(c.num_states), number(c.loss, 5), *cells, mark])
-        position, claimed, nees = _summary(self.right)
+        position, claimed, nees = judged(self.right)
         states = str(len(self.truth.bank().states))
         rows.append(["truth", states, "", *(number(x, 4) for x in (position, claimed, nees)), "", "", ""])
         return format_table(head, rows)
@@ -329,7 +329,7 @@ def _analysis(
     )
 
 
-def _summary(covariances: Sequence[Covariances]) -> tuple[float, float, float]:
+def judged(covariances: Sequence[Covariances]) -> tuple[float, float, float]:
     """RMS and claimed position error and NEES / 9 at the judged epochs."""
     at = [(c, c.epoch()) for c in covariances]
     position, claimed = (

@@ -12,7 +12,7 @@ found before the search, held at its start, and marked.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -33,6 +33,9 @@ from nav_jax.navigate import Fixes, prepare_navigation, run_record
 from nav_jax.noise import ImuErrors
 from nav_jax.parameters import AidingLines, ErrorLines
 from nav_jax.sensors import Imu
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 UNOBSERVABLE = 1.0
 """Standard error of a logarithm above which a record says nothing of a parameter: a factor of e either way."""
@@ -195,6 +198,12 @@ class Tuning:
             f"Tuning by the likelihood of {self.num_innovations} innovations: {ended}\n"
             f"log likelihood {gain:+.4g} against the start\n{self.table()}"
         )
+
+    def plot(self) -> "Figure":
+        """See `nav_jax.plot_analysis.plot_tuning`."""
+        from nav_jax.plot_analysis import plot_tuning
+
+        return plot_tuning(self)
 
 
 def tune(
