@@ -137,7 +137,7 @@ class Covariances:
         out = np.full(sd.shape, np.nan)
         if not sd.shape[1]:
             return out
-        known = (sd > 0).all(axis=1)
+        known = np.asarray((sd > 0).all(axis=1))
         scale = sd[known][:, :, None] * sd[known][:, None, :]
         roots, vectors = np.linalg.eigh(P[known] / scale)
         regular = roots[:, 0] > _SINGULAR

@@ -82,7 +82,7 @@ class Budget:
         squares = self.mean_square("position")[:, k]
         shares = {q: 100 * self.share(q)[:, k] for q in QUANTITIES}
         rows = [
-            [self.sources[s], number(float(np.sqrt(squares[s])), 3), *(_percent(v[s]) for v in shares.values())]
+            [self.sources[s], number(float(np.sqrt(squares[s])), 3), *(_percent(float(v[s])) for v in shares.values())]
             for s in np.argsort(-squares)
         ]
         rms = {q: f * np.sqrt(self.mean_square(q)[:, k].sum()) for q, (_, _, f) in QUANTITIES.items()}

@@ -178,9 +178,9 @@ def calibration_effect(
     sd = np.sqrt(np.einsum("qep,pr,qer->qe", slope, covariance, slope))
     sd = np.divide(sd, at_estimate, out=np.zeros_like(sd), where=at_estimate > 0)
     arrays = (at_estimate, np.moveaxis(used, 1, 0), np.moveaxis(best, 1, 0), sd)
-    by_name = [dict(zip(QUANTITIES, a, strict=True)) for a in arrays]
+    rms_of, used_of, best_of, sd_of = (dict(zip(QUANTITIES, a, strict=True)) for a in arrays)
     fixes = dict(zip((s.name for s in setup.aiding), setup.fix_times, strict=True))
-    return CalibrationEffect(setup.output_times, *by_name, setup.outages, fixes)
+    return CalibrationEffect(setup.output_times, rms_of, used_of, best_of, sd_of, setup.outages, fixes)
 
 
 def _per_axis(given: Any) -> list[Any]:

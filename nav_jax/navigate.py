@@ -286,7 +286,7 @@ def _trajectory(done: Prepared, outcome: Outcome, imu: Imu, *, smooth: bool) -> 
     if smooth:
         moved = length.sum(axis=1) > 0  # of several segments that end at once, the last has all fixes
         last = np.append(moved[1:], True)
-        p, v, q = (a[last] for a in outcome.state[:3])
+        p, v, q = (np.asarray(a)[last] for a in outcome.state[:3])
         return Trajectory(done.schedule.time[last], p, v, q, "smoothed navigation")
     length = length.ravel()
     real = np.flatnonzero(length > 0)

@@ -310,6 +310,14 @@ def tune(
     )
 
 
+class _Found(NamedTuple):
+    """`Slopes` on the host, of loss and penalty."""
+
+    loss: float
+    gradient: Float64[np.ndarray, " P"]
+    information: Float64[np.ndarray, "P P"]
+
+
 class _About:
     """Loss and penalty about a vector; the last is remembered, for which a solver asks three times."""
 
@@ -317,14 +325,14 @@ class _About:
         self.record, self.model, self.penalty = record, model, penalty
         self.at: Any = None
 
-    def __call__(self, vector: Float64[np.ndarray, " P"]) -> Slopes:
+    def __call__(self, vector: Float64[np.ndarray, " P"]) -> _Found:
         if self.at is None or not np.array_equal(self.at, vector):
             found = jax.tree.map(np.asarray, loss_and_slopes(self.record, self.model, jnp.asarray(vector)))
             off = vector - np.asarray(self.model.start)
             self.at = np.array(vector)
-            self.last = Slopes(
+            self.last = _Found(
                 # a filter that breaks down is as unlikely as can be
-                found.loss + _off(self.penalty, off) if np.isfinite(found.loss) else np.inf,
+                float(found.loss) + _off(self.penalty, off) if np.isfinite(found.loss) else np.inf,
                 np.nan_to_num(found.gradient + self.penalty @ off),
                 np.nan_to_num(found.information + self.penalty),
             )
