@@ -1,4 +1,4 @@
-"""Design of small filters by the navigation error: the best with 0, 1 and 2 processes an axis, confirmed by Monte Carlo.
+"""Design of small filters by the navigation error: the best with 0, 1 and 2 processes an axis, and Monte Carlo runs.
 
 R's example (lemniscate, published noise of an MTi-G, 40 s without GNSS). R's `partial` filter believes white noise and
 the fastest process of each sensor: in R's 50 runs its mean error at the end is 9.25 m against 8.20 m of the right one.

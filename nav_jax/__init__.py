@@ -44,6 +44,7 @@ from nav_jax.experiment import prepare as prepare
 from nav_jax.experiment import run_filter as run_filter
 from nav_jax.experiment import run_keys as run_keys
 from nav_jax.initial import InitialUncertainty as InitialUncertainty
+from nav_jax.likelihood import innovation_loss as innovation_loss
 from nav_jax.lincov import Lincov as Lincov
 from nav_jax.lincov import linear_covariance as linear_covariance
 from nav_jax.lincov import motion_of as motion_of
@@ -87,5 +88,4 @@ from nav_jax.trajectory import Trajectory as Trajectory
 from nav_jax.trajectory_io import read_trajectory as read_trajectory
 from nav_jax.trajectory_io import save_trajectory as save_trajectory
 from nav_jax.tuning import Tuning as Tuning
-from nav_jax.tuning import innovation_loss as innovation_loss
 from nav_jax.tuning import tune as tune

@@ -9,10 +9,11 @@ import pytest
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.likelihood import Model, Record, loss_and_slopes
 from nav_jax.navigate import prepare_navigation
 from nav_jax.parameters import AidingLines, ErrorLines
 from nav_jax.rotation import quat_from_rotvec, quat_multiply
-from nav_jax.tuning import Model, Record, loss_and_slopes, observable_parameters, standard_errors, whitening
+from nav_jax.tuning import observable_parameters, standard_errors, whitening
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
