@@ -1,8 +1,8 @@
 """Noise parameters from recorded navigation data: those under which the innovations of the filter are most likely.
 
 Parameters are sought on the real line (logarithms) by a trust-region Newton method that takes the expected information
-for the second derivative (scoring), in coordinates in which it is the unit matrix at the start. What the record does not
-determine is found before the search, held at its start, and marked.
+for the second derivative (scoring), in coordinates in which it is the unit matrix at the start. What the record does
+not determine is found before the search, held at its start, and marked.
 """
 
 from collections.abc import Sequence

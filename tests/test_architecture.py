@@ -52,7 +52,7 @@ NAV_JAX = """
     parameters lincov analysis sensitivities budget calibration
     _store results_io
     runs ranking comparison
-    monte_carlo navigate record_io tuning design_family design_search design
+    monte_carlo navigate record_io likelihood tuning design_family design_search design
     plot_runs plot plot_analysis config_sections config config_record report report_analysis demo cli __main__
     __init__
 """
