@@ -17,6 +17,7 @@ from nav_jax.earth import FlatEarth
 from nav_jax.epochs import judged_epoch, outage_intervals
 from nav_jax.experiment import Setup, check_rates
 from nav_jax.initial import InitialUncertainty
+from nav_jax.layout import CHANNELS
 from nav_jax.lincov import Lincov, linear_covariance, motion_of
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
@@ -268,6 +269,7 @@ def analyse(
             linear_covariance(setup.experiment, truth, f, believed_initial=believed_initial, motion=motion),
             f,
             name,
+            _unexcited(truth, f),
         )
         for name, f in by_name.items()
     }
@@ -305,7 +307,16 @@ def make_setup(
     )
 
 
-def covariances_of(setup: Setup, result: Lincov, believed: ImuErrors, name: str) -> Covariances:
+def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:
+    """A note if a filter estimates what the truth does not have."""
+    ours, theirs = ({s.channel for s in e.bank().states} for e in (believed, truth))
+    names = [CHANNELS[c] for c in sorted(ours - theirs)]
+    return (f"The filter estimates errors of {', '.join(names)}, which truly are white or none.",) * bool(names)
+
+
+def covariances_of(
+    setup: Setup, result: Lincov, believed: ImuErrors, name: str, notes: tuple[str, ...] = ()
+) -> Covariances:
     """The result of `linear_covariance` at the epochs of a setup."""
     arrays = jax.tree.map(np.asarray, result)
     at = setup.output_segments
@@ -327,5 +338,5 @@ def covariances_of(setup: Setup, result: Lincov, believed: ImuErrors, name: str)
         innovation={n: arrays.innovation[s, a:b] for n, s, a, b in parts},
         innovation_claimed={n: arrays.innovation_claimed[s, a:b] for n, s, a, b in parts},
         outages=setup.outages,
-        notes=believed.notes(),
+        notes=(*believed.notes(), *notes),
     )

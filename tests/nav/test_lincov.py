@@ -338,6 +338,12 @@ def test_results_say_what_they_are(analysis):
         c.nees("spin")
 
 
+def test_states_of_what_is_not_there_are_noted():
+    truth = nj.ImuErrors(gj.WN(1e-4), TRUTH.models[3], setups.RATE)
+    c = nj.analyse(nj.static(1.0, setups.RATE), truth, FILTERS["fewer"], aiding=(), every=10)["filter"]
+    assert c.notes == ("The filter estimates errors of accel x, accel y, accel z, which truly are white or none.",)
+
+
 def test_a_start_that_is_known_has_no_nees():
     c = nj.analyse(nj.static(2.0, setups.RATE), TRUTH, aiding=(), every=10, output_interval=0.1)["filter"]
     # position is known exactly until noise has gone through twice
