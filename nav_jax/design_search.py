@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from nav_jax.design_family import Family
 from nav_jax.error_model import Motion
 from nav_jax.experiment import Experiment
+from nav_jax.linalg import log_det_and_trace
 from nav_jax.lincov import Noise, covariances_along
 from nav_jax.sensor_bank import SensorBank
 
@@ -41,13 +42,8 @@ def mean_loss(courses: tuple[Course, ...], bank: SensorBank, objective: str) -> 
 
 def _score(T: Float[Array, "E 9 9"], C: Float[Array, "E 9 9"]) -> Float[Array, " E"]:
     """(log det C + tr(C^-1 T))/2."""
-    variance = jnp.diagonal(C, axis1=1, axis2=2)
-    scale = jnp.sqrt(variance[:, :, None] * variance[:, None, :])
-    L = jnp.linalg.cholesky(C / scale)
-    half = jax.scipy.linalg.solve_triangular(L, T / scale, lower=True)
-    whole = jax.scipy.linalg.solve_triangular(L, jnp.swapaxes(half, 1, 2), lower=True)
-    log_det = jnp.sum(jnp.log(variance), axis=1) + 2 * jnp.sum(jnp.log(jnp.diagonal(L, axis1=1, axis2=2)), axis=1)
-    return (log_det + jnp.trace(whole, axis1=1, axis2=2)) / 2
+    log_det, trace = log_det_and_trace(jnp.moveaxis(C, 0, -1), jnp.moveaxis(T, 0, -1))
+    return (log_det + trace) / 2
 
 
 @eqx.filter_jit
