@@ -55,7 +55,7 @@ def log_det_and_trace(
         column, row = P[1:, 0] / pivot[None], P[0, 1:]
         both = column[:, None] * S[0, None, 1:]
         P = P[1:, 1:] - column[:, None] * row[None]
-        S = S[1:, 1:] - both - transpose(both) + s * column[:, None] * column[None]
+        S = S[1:, 1:] - both - transpose(both) + s[None, None] * column[:, None] * column[None]
     return log_det, trace
 
 
