@@ -24,6 +24,9 @@ NAMES = (
     "records",
     "regression",
     "nav",
+    "lincov",
+    "design",
+    "tuning",
 )
 BEGIN, END = "<!-- table: run_all.py -->", "<!-- end -->"
 

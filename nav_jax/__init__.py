@@ -23,7 +23,18 @@ Sola, J. (2017). Quaternion kinematics for the error-state Kalman filter. arXiv:
 Bar-Shalom, Y., Li, X. R. & Kirubarajan, T. (2001). Estimation with Applications to Tracking and Navigation, ch. 5.
 """
 
+from nav_jax.analysis import Analysis as Analysis
+from nav_jax.analysis import Covariances as Covariances
+from nav_jax.analysis import analyse as analyse
+from nav_jax.budget import Budget as Budget
+from nav_jax.budget import error_budget as error_budget
+from nav_jax.calibration import CalibrationEffect as CalibrationEffect
+from nav_jax.calibration import calibration_effect as calibration_effect
 from nav_jax.comparison import Comparison as Comparison
+from nav_jax.design import Candidate as Candidate
+from nav_jax.design import Design as Design
+from nav_jax.design import Scenario as Scenario
+from nav_jax.design import design as design
 from nav_jax.earth import FlatEarth as FlatEarth
 from nav_jax.energy import energy_score as energy_score
 from nav_jax.experiment import Experiment as Experiment
@@ -33,6 +44,10 @@ from nav_jax.experiment import prepare as prepare
 from nav_jax.experiment import run_filter as run_filter
 from nav_jax.experiment import run_keys as run_keys
 from nav_jax.initial import InitialUncertainty as InitialUncertainty
+from nav_jax.likelihood import innovation_loss as innovation_loss
+from nav_jax.lincov import Lincov as Lincov
+from nav_jax.lincov import linear_covariance as linear_covariance
+from nav_jax.lincov import motion_of as motion_of
 from nav_jax.measurements._base import AbstractAiding as AbstractAiding
 from nav_jax.measurements.barometer import Barometer as Barometer
 from nav_jax.measurements.gnss_position import GnssPosition as GnssPosition
@@ -53,9 +68,13 @@ from nav_jax.navigate import Navigation as Navigation
 from nav_jax.navigate import navigate as navigate
 from nav_jax.noise import ImuErrors as ImuErrors
 from nav_jax.ranking import Ranking as Ranking
+from nav_jax.record_io import read_fixes as read_fixes
+from nav_jax.record_io import read_imu as read_imu
 from nav_jax.recorded import RecordedErrors as RecordedErrors
 from nav_jax.runs import Runs as Runs
 from nav_jax.runs import Track as Track
+from nav_jax.sensitivities import Sensitivities as Sensitivities
+from nav_jax.sensitivities import sensitivities as sensitivities
 from nav_jax.sensors import Imu as Imu
 from nav_jax.sensors import NoisyReferenceWarning as NoisyReferenceWarning
 from nav_jax.sensors import perfect_imu as perfect_imu
@@ -68,3 +87,5 @@ from nav_jax.status import Status as Status
 from nav_jax.trajectory import Trajectory as Trajectory
 from nav_jax.trajectory_io import read_trajectory as read_trajectory
 from nav_jax.trajectory_io import save_trajectory as save_trajectory
+from nav_jax.tuning import Tuning as Tuning
+from nav_jax.tuning import tune as tune

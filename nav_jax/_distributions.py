@@ -12,6 +12,9 @@ _EXACT_UP_TO = 10_000
 _NO_EFFECT = 1e-8
 """Mean over standard deviation that is rounding; 1e17 runs would tell it from zero."""
 
+_TALBOT = 28
+"""Nodes of a contour: its error falls as 10^(-0.6 M), and rounding grows as e^(0.4 M)."""
+
 
 def normal_quantile(level: float) -> float:
     """Return z such that a normal variable lies within +-z with probability `level`."""
@@ -103,3 +106,19 @@ def t_test_power(effect: float, n: int, size: float) -> float:
     return sum(
         float(density @ gammainc(dof / 2, dof / 2 * (np.maximum(z + s, 0.0) / critical) ** 2)) for s in (shift, -shift)
     )
+
+
+def weighted_chi2_cdf(weights: Float[np.ndarray, "*E k"], x: float) -> Float[np.ndarray, "*E"]:
+    """P(sum_i w_i z_i^2 <= x) for independent standard normal z and weights w >= 0.
+
+    The Laplace transform of the distribution function, M(s)/s with M(s) = prod (1 + 2 w_i s)^(-1/2), has all its
+    singularities on the negative real axis, where a Talbot contour turns around them (Abate & Valko 2004).
+    """
+    angle = np.arange(1, _TALBOT) * np.pi / _TALBOT
+    cot = 1 / np.tan(angle)
+    r = 2 * _TALBOT / 5
+    s = np.append(r, r * angle * (cot + 1j)) / x
+    step = np.append(0.5, 1 + 1j * (angle + (angle * cot - 1) * cot))
+    transform = np.prod((1 + 2 * np.asarray(weights)[..., None, :] * s[:, None]) ** -0.5, axis=-1) / s
+    total = np.sum(np.real(np.exp(s * x) * transform * step), axis=-1) * r / (_TALBOT * x)
+    return np.asarray(np.clip(total, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Which column of a source is which quantity of a trajectory, and in which unit."""
+"""Which column of a source is which quantity of a trajectory or a record, and in which unit."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,6 +11,9 @@ from nav_jax._columns import Columns, plain
 POSITION = {"ned": ("north", "east", "down"), "geodetic": ("latitude", "longitude", "height")}
 ATTITUDE = ("roll", "pitch", "yaw")
 VELOCITY = ("velocity_north", "velocity_east", "velocity_down")
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+ACCEL = ("accel_x", "accel_y", "accel_z")
+_TRAJECTORY = ("time", *POSITION["ned"], *POSITION["geodetic"], *ATTITUDE, *VELOCITY)
 
 _ALIASES = {
     "time": "t time timestamp",
@@ -26,9 +29,12 @@ _ALIASES = {
     "velocity_north": "velocity_north vel_n v_n vn vel_north v_north",
     "velocity_east": "velocity_east vel_e v_e ve vel_east v_east",
     "velocity_down": "velocity_down vel_d v_d vd vel_down v_down",
+    **{f"gyro_{axis}": f"gyro_{axis} gyr_{axis} gyroscope_{axis} omega_{axis} w_{axis}" for axis in "xyz"},
+    **{f"accel_{axis}": f"accel_{axis} acc_{axis} accelerometer_{axis} f_{axis}" for axis in "xyz"},
 }
 """Quantity -> plain names by which it is known, without the unit."""
 
+_G = 9.80665
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 _ANGLES = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "deg": np.pi / 180, "degree": np.pi / 180, "degrees": np.pi / 180}
 _ANGLES |= {"degrees_north": np.pi / 180, "degrees_east": np.pi / 180}
@@ -37,6 +43,8 @@ _UNITS = {
     **{name: _ANGLES for name in ("latitude", "longitude", *ATTITUDE)},
     **{name: {"m": 1.0, "km": 1e3} for name in (*POSITION["ned"], "height")},
     **{name: {"m_s": 1.0, "mps": 1.0, "m_s_1": 1.0, "km_h": 1 / 3.6} for name in VELOCITY},
+    **{name: {"rad_s": 1.0, "deg_s": np.pi / 180, "deg_h": np.pi / 180 / 3600} for name in GYRO},
+    **{name: {"m_s_2": 1.0, "m_s2": 1.0, "g": _G, "mg": 1e-3 * _G} for name in ACCEL},
 }
 """Quantity -> unit as it follows a name (``yaw_deg``), or as an attribute of xarray made plain -> factor to SI."""
 
@@ -86,6 +94,19 @@ class Reader:
     def three(self, names: Sequence[str]) -> np.ndarray:
         """Columns side by side, (N, 3)."""
         return np.stack([self._si(name) for name in names], axis=1)
+
+    def sensor(self, names: Sequence[str], unit: str | None, argument: str) -> np.ndarray:
+        """The three axes of an inertial sensor side by side, (N, 3), in a unit that is stated here or by the source."""
+        known = _UNITS[names[0]]
+        if unit is not None and plain(unit) not in known:
+            raise ValueError(f"{argument} is one of {', '.join(known)}, and is {unit!r}.")
+        columns = []
+        for name in names:
+            agreed = self._agreed(name, self._stated(name), None if unit is None else plain(unit), argument)
+            if agreed is None:
+                raise ValueError(f"The unit of {name} is not stated: give {argument}. It is never guessed.")
+            columns.append(known[agreed] * real_array(f"The column of {name}", self._column(name), (None,)))
+        return np.stack(columns, axis=1)
 
     def _si(self, name: str) -> np.ndarray:
         values = real_array(f"The column of {name}", self._column(name), (None,))
@@ -146,12 +167,7 @@ def choose(table: Columns, position: str | None, columns: Any) -> tuple[str, dic
     if position and table.position and position != table.position:
         raise ValueError(f"position={position!r} was given, and the file says {table.position!r}.")
     system = position or table.position
-    found = {} if table.names is None else _by_name(table.names)
-    if isinstance(columns, Mapping):
-        unknown = [key for key in columns if key not in _ALIASES]
-        if unknown:
-            raise ValueError(f"columns names {', '.join(unknown)}; the quantities are: {', '.join(_ALIASES)}.")
-        found |= {key: _number_of(table, column) for key, column in columns.items()}
+    found = _found(table, columns if isinstance(columns, Mapping) else {}, _TRAJECTORY)
     if system is None:
         fits = [kind for kind, names in POSITION.items() if set(names) <= set(found)]
         if len(fits) != 1:
@@ -181,12 +197,42 @@ def choose(table: Columns, position: str | None, columns: Any) -> tuple[str, dic
     return system, {q: found[q] for q in (*order[:7], *(velocity if len(velocity) == 3 else ()))}
 
 
-def _by_name(names: Sequence[str]) -> dict[str, int]:
+def pick(table: Columns, wanted: Sequence[str], columns: Mapping[str, int | str] | None = None) -> dict[str, int]:
+    """Return the number of the column of each quantity: as told, by name, or in this order where there are no names.
+
+    Raises
+    ------
+    ValueError
+        A column is missing, or two may be the same quantity.
+    """
+    if table.names is None and columns is None:
+        if len(table.data) != len(wanted):
+            raise ValueError(f"The columns are {', '.join(wanted)}, and there are {len(table.data)}, without names.")
+        return {quantity: i for i, quantity in enumerate(wanted)}
+    found = _found(table, columns or {}, wanted)
+    if missing := [q for q in wanted if q not in found]:
+        raise ValueError(
+            f"No column is found for {', '.join(missing)}: name them as in columns={{{missing[0]!r}: ...}}. "
+            f"{_seen(table)}"
+        )
+    return found
+
+
+def _found(table: Columns, columns: Mapping[str, int | str], wanted: Sequence[str]) -> dict[str, int]:
+    """Columns of the quantities that are there."""
+    if unknown := [key for key in columns if key not in wanted]:
+        raise ValueError(f"columns names {', '.join(unknown)}; the quantities are: {', '.join(wanted)}.")
+    told = {key: _number_of(table, column) for key, column in columns.items()}
+    return (_by_name(table.names, [q for q in wanted if q not in told]) if table.names else {}) | told
+
+
+def _by_name(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
     found: dict[str, int] = {}
     for i, name in enumerate(names):
-        for quantity, aliases in _ALIASES.items():
+        for quantity in wanted:
             short, unit = _split(quantity, plain(name))
-            if short in aliases.split() or (unit and plain(name) in aliases.split()):
+            aliases = _ALIASES[quantity].split()
+            if short in aliases or (unit and plain(name) in aliases):
                 if quantity in found:
                     raise ValueError(
                         f"Both {names[found[quantity]]!r} and {name!r} may be the {quantity}: pick one as in "

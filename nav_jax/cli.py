@@ -1,23 +1,37 @@
-"""The command line: ``nav-jax run | compare | demo``. A leaf: a configuration in, tables and files out."""
+"""The command line: ``nav-jax run | compare | budget | design | tune | demo``.
+
+A leaf: a configuration in, tables and files out.
+"""
 
 import functools
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from nav_jax._files import write_atomically
+from nav_jax.analysis import analyse
+from nav_jax.budget import error_budget
 from nav_jax.comparison import Comparison
 from nav_jax.config import Config, read_config
+from nav_jax.config_record import read_record
+from nav_jax.config_sections import FolderSection
 from nav_jax.demo import run_demo
+from nav_jax.design import OBJECTIVES, Scenario
+from nav_jax.design import design as design_filters
+from nav_jax.earth import FlatEarth
+from nav_jax.noise import ImuErrors
 from nav_jax.report import as_json, write_report
+from nav_jax.report_analysis import Report, budget_report, design_report, tuning_report
+from nav_jax.sensitivities import sensitivities
 
 app = typer.Typer(
-    help="What the noise model of an inertial sensor does to navigation (Monte Carlo of INS/GNSS filters).",
+    help="What the noise model of an inertial sensor does to navigation (INS/GNSS filters, simulated and analysed).",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -60,6 +74,7 @@ def _result_file(path: Path | None) -> Path | None:
 
 
 File = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="Trajectory, truth, filters, aiding, run.")]
+Filter = Annotated[str | None, typer.Option("--filter", help="Which filter, if there are several.")]
 NumRuns = Annotated[int | None, typer.Option(min=1, help="Number of runs of each filter, in place of the file's.")]
 Seed = Annotated[int | None, typer.Option(min=0, help="Of the random numbers, in place of the file's.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for tables and figures, in place of the file's.")]
@@ -71,7 +86,7 @@ Save = Annotated[Path | None, typer.Option(help="Save all runs: .zarr or .nc.", 
 @_command
 def run(
     config: File,
-    filter_name: Annotated[str | None, typer.Option("--filter", help="Which filter, if there are several.")] = None,
+    filter_name: Filter = None,
     num_runs: NumRuns = None,
     seed: Seed = None,
     out: Out = None,
@@ -83,9 +98,7 @@ def run(
     known = read_config(config)
     if filter_name is None and len(known.filters) > 1:
         raise ValueError(f"There are several filters ({', '.join(known.filters)}): choose by --filter, or use compare.")
-    name = next(iter(known.filters)) if filter_name is None else filter_name
-    if name not in known.filters:
-        raise ValueError(f"There is no filter {name!r}; there are {', '.join(known.filters)}.")
+    name = _chosen(known.filters, filter_name)
     targets = _targets(known, config.parent, out, json_file, plot, save)
     result = known.compare(num_runs=num_runs, seed=seed, only=[name], progress=sys.stderr.isatty())
     _finish(result, repr(result[name]) + (f"\n\n{result.table()}" if result.num_common >= 2 else ""), targets)
@@ -108,6 +121,90 @@ def compare(
     targets = _targets(known, config.parent, out, json_file, plot, save)
     result = known.compare(num_runs=num_runs, seed=seed, progress=sys.stderr.isatty())
     _finish(result, repr(result), targets)
+
+
+@_command
+def budget(
+    config: File,
+    filter_name: Filter = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Without random numbers: true and claimed errors of all filters; of one, what makes them and what matters."""
+    known = read_config(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    truth, options = _model(known), _along(known)
+    options["output_interval"] = known.run.output_interval
+    _say(f"Covariances of {', '.join(known.filters)} ...")
+    analysis = analyse(known.reference, truth, known.filters, **options)
+    _say(f"Error budget and derivatives of {name} ...")
+    parts = error_budget(known.reference, truth, known.filters[name], **options)
+    derivatives = sensitivities(known.reference, truth, known.filters[name], **options)
+    _give(budget_report(analysis, name, parts, derivatives), json_file, folder, plot=plot)
+
+
+@_command
+def design(
+    config: File,
+    max_accel: Annotated[int, typer.Option(min=0, help="Most Gauss-Markov processes on an accelerometer axis.")] = 2,
+    max_gyro: Annotated[int, typer.Option(min=0, help="Most Gauss-Markov processes on a gyro axis.")] = 2,
+    max_states: Annotated[int | None, typer.Option(min=0, help="Most sensor states in all.")] = None,
+    objective: Annotated[str, typer.Option(help=f"What is minimised: {' or '.join(OBJECTIVES)}.")] = OBJECTIVES[0],
+    max_steps: Annotated[int, typer.Option(min=1, help="Of each search.")] = 60,
+    confirm: Annotated[int | None, typer.Option(min=2, help="Runs of a Monte Carlo of the best filter.")] = None,
+    seed: Seed = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Find the filters with few states that navigate best along the trajectory of the file."""
+    known = read_config(config)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    truth, options = _model(known), _along(known)
+    scenario = Scenario(known.reference, options.pop("aiding"), options.pop("initial"))
+    _say("Search for the filter of each structure ...")
+    found = design_filters(
+        truth,
+        scenario,
+        max_accel=max_accel,
+        max_gyro=max_gyro,
+        max_states=max_states,
+        objective=objective,
+        max_steps=max_steps,
+        **options,
+    )
+    best = found.best()
+    filters = {"designed": best.errors, "truncated": best.naive, "right": truth}
+    confirmed = None
+    if confirm is not None:
+        again = replace(known, filters=filters)
+        confirmed = again.compare(num_runs=confirm, seed=seed, progress=sys.stderr.isatty())
+    _give(design_report(found, best, confirmed), json_file, folder, plot=plot)
+    if confirmed is not None:
+        _tell_of_runs(confirmed)
+
+
+@_command
+def tune(
+    config: Annotated[Path, typer.Argument(metavar="RECORD.toml", help="Record, filters, aiding with files, start.")],
+    filter_name: Filter = None,
+    tune_aiding: Annotated[bool, typer.Option("--tune-aiding", help="Seek the noise of the aiding too.")] = False,
+    hold: Annotated[list[str] | None, typer.Option(help="A parameter that is not sought; may be repeated.")] = None,
+    prior: Annotated[float | None, typer.Option(help="Standard deviation of the logarithms about the start.")] = None,
+    max_steps: Annotated[int, typer.Option(min=1, help="Of the search.")] = 50,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Find the noise parameters under which the innovations of recorded navigation data are most likely."""
+    known = read_record(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    _say(f"Search from {name} ...")
+    found = known.tune(name, tune_aiding=tune_aiding, hold=hold or (), prior=prior, max_steps=max_steps)
+    _give(tuning_report(found), json_file, folder, plot=plot)
 
 
 @_command
@@ -134,23 +231,70 @@ def _targets(
 ) -> _Targets:
     """What the configuration asks for, unless the options say something else."""
     asked = config.output
-    folder = beside / asked.folder if out is None and asked.folder is not None else out
     target = beside / asked.save if save is None and asked.save is not None else save
+    return _Targets(*_folder(asked, beside, out, plot), target, json_file)
+
+
+def _folder(asked: FolderSection, beside: Path, out: Path | None, plot: bool | None) -> tuple[Path | None, bool]:
+    """The folder, and whether figures go there."""
+    folder = beside / asked.folder if out is None and asked.folder is not None else out
     if plot and folder is None:
         raise ValueError("Figures need a folder: give --out, or folder in [output].")
-    return _Targets(folder, asked.plot if plot is None else plot, target, json_file)
+    return folder, asked.plot if plot is None else plot
+
+
+def _chosen(filters: Mapping[str, Any], name: str | None) -> str:
+    """The filter that is asked for, or the first."""
+    if name is not None and name not in filters:
+        raise ValueError(f"There is no filter {name!r}; there are {', '.join(filters)}.")
+    return next(iter(filters)) if name is None else name
+
+
+def _model(config: Config) -> ImuErrors:
+    """The truth, where covariances can be made of it."""
+    if not isinstance(config.truth, ImuErrors):
+        raise ValueError("[truth] is a recording, and covariances follow from a model: state one.")
+    return config.truth
+
+
+def _along(config: Config) -> dict[str, Any]:
+    """Options of all covariance analyses: ten samples in a step unless the file says another number."""
+    run = config.run
+    every = run.given().get("every", 10)
+    return {"aiding": config.aiding, "initial": config.initial, "every": every, "earth": FlatEarth(run.gravity)}
+
+
+def _say(text: str) -> None:
+    """What is being done, for somebody who waits."""
+    if sys.stderr.isatty():
+        typer.echo(text, err=True)
+
+
+def _give(report: Report, json_file: Path | None, folder: Path | None, *, plot: bool) -> None:
+    """Print and write a covariance analysis."""
+    to_screen = _print(report.text, report.json, json_file)
+    if folder is not None:
+        _tell_of_files(folder, report.write(folder, plot=plot), to_screen)
+
+
+def _print(text: str, content: str, json_file: Path | None) -> bool:
+    """Text to the screen, or JSON in its place or to a file; returns whether JSON is on the screen."""
+    to_screen = str(json_file) == "-"
+    typer.echo(content if to_screen else text)
+    if json_file is not None and not to_screen:
+        write_atomically(json_file, lambda file: file.write(content.encode()))
+    return to_screen
+
+
+def _tell_of_files(folder: Path, names: Sequence[str], to_screen: bool) -> None:
+    typer.echo(f"\nIn {folder}/: {', '.join(names)}", err=to_screen)
 
 
 def _finish(result: Comparison, text: str, targets: _Targets) -> None:
     """Print and write what is asked for."""
-    json_file, folder = targets.json_file, targets.folder
-    to_screen = str(json_file) == "-"
-    typer.echo(as_json(result) if to_screen else text)
-    if json_file is not None and not to_screen:
-        write_atomically(json_file, lambda file: file.write(as_json(result).encode()))
-    if folder is not None:
-        written = write_report(result, folder, plot=targets.plot)
-        typer.echo(f"\nIn {folder}/: {', '.join(written)}", err=to_screen)
+    to_screen = _print(text, as_json(result), targets.json_file)
+    if targets.folder is not None:
+        _tell_of_files(targets.folder, write_report(result, targets.folder, plot=targets.plot), to_screen)
     if targets.save is not None:
         typer.echo(f"Saved as {result.save(targets.save)}", err=to_screen)
     _tell_of_runs(result)

@@ -6,11 +6,11 @@ Sections: ``[trajectory]``, ``[truth]``, ``[filters.NAME]``, ``[[aiding]]``, ``[
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 from pydantic import BaseModel, ValidationError
@@ -34,6 +34,9 @@ from nav_jax.monte_carlo import compare
 from nav_jax.noise import ImuErrors
 from nav_jax.recorded import RecordedErrors
 from nav_jax.trajectory import Trajectory
+
+T = TypeVar("T")
+AidingT = TypeVar("AidingT", bound=Aiding)
 
 TRUTH = "truth"
 """The text that makes a filter believe the truth."""
@@ -100,53 +103,35 @@ def read_config(path: str | os.PathLike[str]) -> Config:
     ValueError
         No TOML; a section, key, unit or value that is wrong, by its place in the file.
     """
-    path = Path(path)
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no TOML file: {error}.") from error
-    try:
-        return _build(tables, path.parent)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+    return from_toml(Path(path), _build)
 
 
 def _build(tables: Mapping[str, Any], folder: Path) -> Config:
-    if unknown := [name for name in tables if name not in _SECTIONS]:
-        raise ValueError(f"there is no section [{unknown[0]}]; the sections are {', '.join(_SECTIONS)}.")
-    for name in ("trajectory", "truth"):
-        if name not in tables:
-            raise ValueError(f"the section [{name}] is missing.")
+    check_sections(tables, _SECTIONS, ("trajectory", "truth"))
     # all sections are checked before the first file is read
-    run = _checked(RunSection, tables.get("run", {}), "[run]")
-    output = _checked(OutputSection, tables.get("output", {}), "[output]")
-    start = _checked(InitialSection, tables.get("initial", {}), "[initial]")
+    run = checked(RunSection, tables.get("run", {}), "[run]")
+    output = checked(OutputSection, tables.get("output", {}), "[output]")
+    start = checked(InitialSection, tables.get("initial", {}), "[initial]")
     motion = _trajectory_section(tables["trajectory"])
     true = _errors_section(tables["truth"], "[truth]")
-    filters = tables.get("filters", {TRUTH: TRUTH})
-    if not isinstance(filters, Mapping) or not filters:
-        raise ValueError("[filters] has a section for each filter, such as [filters.right].")
-    believed = {name: _filter_section(table, f"[filters.{name}]") for name, table in filters.items()}
-    listed = tables.get("aiding", [])
-    if not isinstance(listed, list):
-        raise ValueError("[[aiding]] is a list of sensors: write its name in double brackets.")
-    aiding = [_aiding_section(table, f"[[aiding]] {i + 1}") for i, table in enumerate(listed)]
+    believed = filter_sections(tables.get("filters", {TRUTH: TRUTH}))
+    aiding = aiding_sections(tables.get("aiding", []), AIDING)
 
-    with _place("[truth]"):
+    with place("[truth]"):
         truth = true.build(folder)
     if isinstance(truth, RecordedErrors) and None in believed.values():
         raise ValueError("[filters]: the truth is a recording, of which no filter has a model: state one.")
     known: dict[str, Any] = {}
     for name, section in believed.items():
-        with _place(f"[filters.{name}]"):
+        with place(f"[filters.{name}]"):
             known[name] = truth if section is None else section.build(folder)
-    with _place("[trajectory]"):
+    with place("[trajectory]"):
         reference = motion.build(folder, truth.rate, run.gravity)
     sensors = []
     for i, section in enumerate(aiding):
-        with _place(f"[[aiding]] {i + 1}"):
+        with place(f"[[aiding]] {i + 1}"):
             sensors.append(section.build())
-    with _place("[initial]"):
+    with place("[initial]"):
         initial = InitialUncertainty(**start.given())
     return Config(reference, truth, known, sensors, initial, run, output)
 
@@ -157,10 +142,10 @@ def _trajectory_section(table: Any) -> Any:
     if ("file" in table) == ("motion" in table):
         raise ValueError(f'{where}: give either file = "..." or motion = "...", one of {", ".join(MOTIONS)}.')
     if "file" in table:
-        return _checked(TrajectoryFile, table, where)
+        return checked(TrajectoryFile, table, where)
     if table["motion"] not in MOTIONS:
         raise ValueError(f"{where}: motion is one of {', '.join(MOTIONS)}, and is {table['motion']!r}.")
-    return _checked(MOTIONS[table["motion"]], table, where)
+    return checked(MOTIONS[table["motion"]], table, where)
 
 
 def _errors_section(table: Any, where: str) -> Any:
@@ -171,7 +156,7 @@ def _errors_section(table: Any, where: str) -> Any:
             f"{where}: the errors are given by accel and gyro, or by sensor, by fit or by recording, one of them; "
             f"there are {', '.join(table) or 'no keys'}."
         )
-    return _checked(SOURCES[kinds[0]], table, where)
+    return checked(SOURCES[kinds[0]], table, where)
 
 
 def _filter_section(table: Any, where: str) -> Any:
@@ -186,11 +171,49 @@ def _filter_section(table: Any, where: str) -> Any:
     return section
 
 
-def _aiding_section(table: Any, where: str) -> Aiding:
-    _require_table(table, where)
-    if table.get("type") not in AIDING:
-        raise ValueError(f"{where}: type is one of {', '.join(AIDING)}, and is {table.get('type')!r}.")
-    return _checked(AIDING[table["type"]], table, where)
+# -- shared with config_record.py -------------------------------------------------------------------------------------
+
+
+def from_toml(path: Path, build: Callable[[Mapping[str, Any], Path], T]) -> T:
+    """What `build` makes of the sections of a file and its folder; errors begin with the name of the file."""
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no TOML file: {error}.") from error
+    try:
+        return build(tables, path.parent)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def check_sections(tables: Mapping[str, Any], known: Sequence[str], needed: Sequence[str]) -> None:
+    """Raise on a section that nobody knows, or one that is missing."""
+    if unknown := [name for name in tables if name not in known]:
+        raise ValueError(f"there is no section [{unknown[0]}]; the sections are {', '.join(known)}.")
+    for name in needed:
+        if name not in tables:
+            raise ValueError(f"the section [{name}] is missing.")
+
+
+def filter_sections(tables: Any) -> dict[str, Any]:
+    """Name -> section; None for a filter that believes the truth."""
+    if not isinstance(tables, Mapping) or not tables:
+        raise ValueError("[filters] has a section for each filter, such as [filters.right].")
+    return {name: _filter_section(table, f"[filters.{name}]") for name, table in tables.items()}
+
+
+def aiding_sections(listed: Any, kinds: Mapping[str, type[AidingT]]) -> list[AidingT]:
+    """The sections of a list, each by its type."""
+    if not isinstance(listed, list):
+        raise ValueError("[[aiding]] is a list of sensors: write its name in double brackets.")
+    sections = []
+    for i, table in enumerate(listed):
+        where = f"[[aiding]] {i + 1}"
+        _require_table(table, where)
+        if table.get("type") not in kinds:
+            raise ValueError(f"{where}: type is one of {', '.join(kinds)}, and is {table.get('type')!r}.")
+        sections.append(checked(kinds[table["type"]], table, where))
+    return sections
 
 
 def _require_table(table: Any, where: str) -> None:
@@ -198,7 +221,8 @@ def _require_table(table: Any, where: str) -> None:
         raise ValueError(f"{where} is a section with keys, and is {table!r}.")
 
 
-def _checked(section: type[Any], table: Any, where: str) -> Any:
+def checked(section: type[Any], table: Any, where: str) -> Any:
+    """The section that a table makes; errors are sentences that begin with where it stands."""
     _require_table(table, where)
     try:
         return section.model_validate(table)
@@ -218,7 +242,7 @@ def _sentence(section: type[BaseModel], error: Any, where: str) -> str:
 
 
 @contextmanager
-def _place(where: str) -> Iterator[None]:
+def place(where: str) -> Iterator[None]:
     """Say where in the file an error comes from."""
     try:
         yield

@@ -316,9 +316,14 @@ class RunSection(Section):
     workers: Annotated[int, Field(ge=1)] | None = None
 
 
-class OutputSection(Section):
-    """Where results go; nothing is written without a folder."""
+class FolderSection(Section):
+    """Where tables and figures go; nothing is written without a folder."""
 
     folder: str | None = None
     plot: bool = True
+
+
+class OutputSection(FolderSection):
+    """The same, and a file of all runs."""
+
     save: str | None = None

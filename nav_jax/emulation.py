@@ -22,7 +22,8 @@ from jaxtyping import Float, Int, Key, UInt32
 from nav_jax.counter import counter_keys, normals
 from nav_jax.layout import CHANNELS
 from nav_jax.linalg import factor, root
-from nav_jax.noise import ImuErrors, draw
+from nav_jax.noise import ImuErrors
+from nav_jax.noise_models import draw
 from nav_jax.recorded import RecordedErrors
 from nav_jax.sensor_bank import SensorBank
 

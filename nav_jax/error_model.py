@@ -55,26 +55,39 @@ def blocks(P: Float[Array, "n n R"]) -> Covariance:
     return Covariance(P[:9, :9], P[:9, 9:], P[9:, 9:])
 
 
-def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
-    """Phi P Phi' + Q over one covariance step."""
-    T = noise.duration
-    C, S_1, S_2 = motion
-    lever = S_1 - S_2 * noise.inverse_duration
+class _Step:
+    """The maps of one covariance step, see the head of this file."""
 
-    def A(X: Array) -> Array:
+    def __init__(self, motion: Motion, noise: StepNoise):
+        self.C, self.S_1, self.S_2 = motion
+        self.noise, self.T = noise, noise.duration
+        self.lever = self.S_1 - self.S_2 * noise.inverse_duration
+
+    def A(self, X: Array) -> Array:
         """Navigation errors to navigation errors; X (9, K, R)."""
         p, v, psi = X[:3], X[3:6], X[6:]
-        return jnp.concatenate([p + T * v - cross(S_2[:, None], psi), v - cross(S_1[:, None], psi), psi])
+        return jnp.concatenate([p + self.T * v - cross(self.S_2[:, None], psi), v - cross(self.S_1[:, None], psi), psi])
 
-    def G(y: Array) -> Array:
+    def G(self, y: Array) -> Array:
         """Integrated sensor errors of the six channels to navigation errors; y (6, K, R)."""
-        a, g = matmul3(C, y[:3]), matmul3(C, y[3:])
-        turned = cross(lever[:, None], g)
-        return jnp.concatenate([T / 3 * turned - T / 2 * a, turned - a, -g])
+        a, g = matmul3(self.C, y[:3]), matmul3(self.C, y[3:])
+        turned = cross(self.lever[:, None], g)
+        return jnp.concatenate([self.T / 3 * turned - self.T / 2 * a, turned - a, -g])
 
-    def H(X: Array) -> Array:
+    def H(self, X: Array) -> Array:
         """Sensor states to navigation errors; X (M, K, R)."""
-        return G(noise.integrate(X))
+        return self.G(self.noise.integrate(X))
+
+
+def transition(X: Float[Array, "n K R"], motion: Motion, noise: StepNoise) -> Float[Array, "n K R"]:
+    """Phi X: errors of navigation and sensor states after a covariance step."""
+    step = _Step(motion, noise)
+    return jnp.concatenate([step.A(X[:9]) + step.H(X[9:]), transpose(noise.carry(transpose(X[9:])))])
+
+
+def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
+    """Phi P Phi' + Q over one covariance step."""
+    step, C = _Step(motion, noise), motion.C_mean
 
     # C diag(r) C' of the noise in y; half of it enters before the step, half after (Strang), which is exact in v and
     # psi and to T^2 in what they do to each other and to p
@@ -86,10 +99,10 @@ def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
         return N.at[3:6, 3:6].add(half_a).at[6:9, 6:9].add(half_g)
 
     # [A H] [N S; S' B] = [W U], and from the right with [A H]'
-    W, U = A(add_half(P.navigation)) + H(transpose(P.mixed)), A(P.mixed) + H(P.sensors)
-    N = add_half(transpose(A(transpose(W)) + H(transpose(U))))
+    W, U = step.A(add_half(P.navigation)) + step.H(transpose(P.mixed)), step.A(P.mixed) + step.H(P.sensors)
+    N = add_half(transpose(step.A(transpose(W)) + step.H(transpose(U))))
     S = noise.carry(U)
     if noise.several:
         N = N.at[:3, :3].add(2 * noise.second_integral * half_a)
-        S = S + G(noise.cross[:, :, None])
+        S = S + step.G(noise.cross[:, :, None])
     return Covariance(N, S, noise.advance(P.sensors))

@@ -39,6 +39,7 @@ from nav_jax.recorded import RecordedErrors
 from nav_jax.schedule import Schedule, make_schedule
 from nav_jax.sensor_bank import SensorBank
 from nav_jax.sensors import Imu, perfect_imu
+from nav_jax.smoother import smoothed
 from nav_jax.trajectory import Trajectory
 
 GAINS = ("estimate", "reference")
@@ -97,6 +98,11 @@ class Setup:
         self.output_segments, self.fix_segments = numbers[0], numbers[1:]
         self.schedule = schedule
         self.experiment = self._experiment(schedule, used, initial, earth)
+
+    @property
+    def outages(self) -> dict[str, tuple[tuple[float, float], ...]]:
+        """Sensor -> (start, end) of each, in s."""
+        return {s.name: s.outages for s in self.aiding if s.outages}
 
     def _experiment(
         self, schedule: Schedule, used: list[np.ndarray], initial: InitialUncertainty, earth: FlatEarth
@@ -213,17 +219,23 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
 
 
 @eqx.filter_jit
-def gains_of(experiment: Experiment, believed: ImuErrors) -> Gains:
-    """Covariance and gains of a filter along the reference."""
+def gains_of(experiment: Experiment, believed: ImuErrors, *, smooth: bool = False) -> Gains:
+    """Covariance and gains of a filter along the reference; `smooth` for a smoother, which wants more of it."""
     bank = believed.bank()
     start = experiment.start._replace(x=jnp.zeros((len(bank.states), 1)))
     P = start_covariance(experiment.initial, bank)
-    return reference_gains(experiment.timeline, bank, experiment.sensors, start, P)
+    return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, remember=smooth)
 
 
 @eqx.filter_jit
 def run_filter(
-    experiment: Experiment, believed: ImuErrors, inputs: Inputs, gains: Gains | None = None, *, trace: bool = False
+    experiment: Experiment,
+    believed: ImuErrors,
+    inputs: Inputs,
+    gains: Gains | None = None,
+    *,
+    trace: bool = False,
+    smooth: bool = False,
 ) -> Outcome:
     """Run a filter over R runs; with `gains` of the reference, or else each run with its own.
 
@@ -239,14 +251,19 @@ def run_filter(
         See `gains_of`.
     trace
         Keep the estimate after every covariance step.
+    smooth
+        Judge the estimate of the smoother, from all measurements of the run; innovations are those of the filter.
     """
     bank = believed.bank()
     num_runs = inputs.start.p.shape[1]
     inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), num_runs))))
-    if gains is not None:
-        return run_reference(experiment.timeline, bank, experiment.sensors, inputs, gains, trace=trace)
-    P = start_covariance(experiment.initial, bank)
-    return run_estimate(experiment.timeline, bank, experiment.sensors, inputs, P, trace=trace)
+    timeline, sensors = experiment.timeline, experiment.sensors
+    if gains is None:
+        P = start_covariance(experiment.initial, bank)
+        outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)
+    else:
+        outcome = run_reference(timeline, bank, sensors, inputs, gains, trace=trace)
+    return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
 
 
 def start_covariance(initial: InitialUncertainty, bank: SensorBank) -> Float[Array, "n n"]:

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from nav_jax.ekf import NavState, Update, correction, inject, mechanise, mechanise_with_motion, update
 from nav_jax.emulation import AbstractErrors
-from nav_jax.error_model import blocks, full, propagate
+from nav_jax.error_model import blocks, full, propagate, transition
 from nav_jax.judge import Claim, Judgement, Truth, claim, judge
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.sensor_bank import SensorBank, step_noise
@@ -46,6 +46,17 @@ class Inputs(NamedTuple):
     """Measurements; anything where there are none."""
 
 
+class Memory(NamedTuple):
+    """What a smoother wants of each of the M segments."""
+
+    P: Float[Array, "M n n Q"]
+    """Covariance at its end, after the update."""
+    gain: Float[Array, "M K n Q"]
+    """Of that update, see `Update`."""
+    transition: Float[Array, "M n n Q"]
+    """From its beginning to its end, before the update."""
+
+
 class Outcome(NamedTuple):
     """What comes out, at the end of each of the M segments."""
 
@@ -58,6 +69,8 @@ class Outcome(NamedTuple):
     """The estimate."""
     trace: Any
     """The estimate after each covariance step, or None."""
+    memory: Memory | None
+    """If it was asked for."""
 
 
 class Gains(NamedTuple):
@@ -65,6 +78,7 @@ class Gains(NamedTuple):
 
     update: Update
     claim: Claim
+    memory: Memory | None
 
 
 Sensors = tuple[AbstractAiding, ...]
@@ -78,6 +92,7 @@ def run_estimate(
     P_start: Float[Array, "n n"],
     *,
     trace: bool = False,
+    remember: bool = False,
 ) -> Outcome:
     """Run R filters, each with a covariance about its own estimate.
 
@@ -95,79 +110,93 @@ def run_estimate(
         Covariance of the error state at the start.
     trace
         Keep the estimate after every covariance step.
+    remember
+        Keep what a smoother wants.
     """
-    H, variance = _stacked(sensors)
+    H, variance = stacked(sensors)
     kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
+    one = _identity(P_start, inputs.start.p.shape[1]) if remember else None
 
     def step(carry, given):
-        state, P, status, noise = carry
+        state, P, status, noise, Phi = carry
         kind, imu, own = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
         state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.g_n)
-        P = propagate(P, motion, jax.tree.map(lambda a: a[kind], kinds))
-        return (state, P, status, noise), state if trace else None
+        now = jax.tree.map(lambda a: a[kind], kinds)
+        Phi = None if Phi is None else transition(Phi, motion, now)
+        return (state, propagate(P, motion, now), status, noise, Phi), state if trace else None
 
     def event(carry, given):
-        state, P, status, noise = carry
+        state, P, status, noise, Phi = carry
         at, z, own = given
         whole, done = update(full(P), H, variance, at.valid)
         c, innovation = correction(done.gain, z - _predict(sensors, state), H)
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
         judgement = judge(state, claim(P, bank), bank, at.truth, inputs.errors.lasting(noise, own))
-        return (state, P, status, noise), (judgement, innovation, done.variance, state)
+        memory = None if Phi is None else Memory(full(P), done.gain, Phi)
+        return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory)
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
-    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin())
+    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
     events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.errors.per_segment)
-    last, (kept, (judgement, innovation, variance_of, states)) = _time_loop(step, event, start, steps, events)
-    status = last[2]
-    return Outcome(judgement, innovation, variance_of, status, states, kept)
+    last, (kept, (judgement, innovation, variance_of, states, memory)) = time_loop(step, event, start, steps, events)
+    return Outcome(judgement, innovation, variance_of, last[2], states, kept, memory)
 
 
 def reference_gains(
-    timeline: Timeline, bank: SensorBank, sensors: Sensors, start: NavState, P_start: Float[Array, "n n"]
+    timeline: Timeline,
+    bank: SensorBank,
+    sensors: Sensors,
+    start: NavState,
+    P_start: Float[Array, "n n"],
+    *,
+    remember: bool = False,
 ) -> Gains:
     """Covariance and gains along the reference, for `run_reference`.
 
     Parameters
     ----------
-    timeline, bank, sensors, P_start
+    timeline, bank, sensors, P_start, remember
         As in `run_estimate`.
     start
         The reference at the start, one run, with sensor states of zero.
     """
-    H, variance = _stacked(sensors)
+    H, variance = stacked(sensors)
     kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
+    one = _identity(P_start, 1) if remember else None
 
     def step(carry, given):
-        state, P = carry
+        state, P, Phi = carry
         kind, imu = given
         state, motion = mechanise_with_motion(
             state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n
         )
-        return (state, propagate(P, motion, jax.tree.map(lambda a: a[kind], kinds))), None
+        now = jax.tree.map(lambda a: a[kind], kinds)
+        Phi = None if Phi is None else transition(Phi, motion, now)
+        return (state, propagate(P, motion, now), Phi), None
 
     def event(carry, at):
-        state, P = carry
+        state, P, Phi = carry
         whole, done = update(full(P), H, variance, at.valid)
         P = blocks(whole)
-        return (state, P), Gains(done, claim(P, bank))
+        memory = None if Phi is None else Memory(whole, done.gain, Phi)
+        return (state, P, one), Gains(done, claim(P, bank), memory)
 
-    carry = (start, blocks(P_start[:, :, None]))
+    carry = (start, blocks(P_start[:, :, None]), one)
     events = _Event(timeline.truth, timeline.valid)
-    return _time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
+    return time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
 
 
 def run_reference(
     timeline: Timeline, bank: SensorBank, sensors: Sensors, inputs: Inputs, gains: Gains, *, trace: bool = False
 ) -> Outcome:
     """Run R filters with gains that were computed along the reference; parameters as in `run_estimate`."""
-    H, _ = _stacked(sensors)
+    H, _ = stacked(sensors)
 
     def step(carry, given):
         state, status, noise = carry
@@ -188,9 +217,10 @@ def run_reference(
 
     start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
-    events = (_Event(timeline.truth, timeline.valid), gains, inputs.z, inputs.errors.per_segment)
-    (_, status, _), (kept, (judgement, innovation, states)) = _time_loop(step, event, start, steps, events)
-    return Outcome(judgement, innovation, gains.update.variance, status, states, kept)
+    known = gains._replace(memory=None)
+    events = (_Event(timeline.truth, timeline.valid), known, inputs.z, inputs.errors.per_segment)
+    (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
+    return Outcome(judgement, innovation, gains.update.variance, status, states, kept, gains.memory)
 
 
 class _Event(NamedTuple):
@@ -198,7 +228,7 @@ class _Event(NamedTuple):
     valid: Float[Array, "M K"]
 
 
-def _time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
+def time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
     """Both loops. Reverse mode keeps the carry of each segment only, and goes through a segment twice."""
 
     def segment(carry, given):
@@ -210,7 +240,12 @@ def _time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> An
     return jax.lax.scan(jax.checkpoint(segment, prevent_cse=False), carry, (steps, events))
 
 
-def _stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+def _identity(P: Float[Array, "n n"], num: int) -> Float[Array, "n n Q"]:
+    return jnp.broadcast_to(jnp.eye(P.shape[0])[:, :, None], (*P.shape, num))
+
+
+def stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+    """H of all scalars, and the variances that the filter believes."""
     none = [jnp.zeros((0, 9))], [jnp.zeros(0)]
     H = jnp.concatenate(none[0] + [s.jacobian() for s in sensors])
     return H, jnp.concatenate(none[1] + [s.believed**2 for s in sensors])

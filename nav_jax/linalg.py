@@ -41,6 +41,24 @@ def whiten(P: Float[Array, "K K Q"], e: Float[Array, "K R"]) -> Float[Array, "K 
     return jnp.stack(y)
 
 
+def log_det_and_trace(
+    P: Float[Array, "K K *R"], S: Float[Array, "K K *R"]
+) -> tuple[Float[Array, "*R"], Float[Array, "*R"]]:
+    """Return log det P and tr(P^-1 S) of symmetric matrices, P positive definite; NaN where it is not.
+
+    By elimination, P = L D L': each pivot leaves the Schur complement of P, and of L^-1 S L^-T what belongs to it.
+    """
+    log_det, trace = jnp.zeros(P.shape[2:]), jnp.zeros(P.shape[2:])
+    while P.shape[0]:
+        pivot, s = P[0, 0], S[0, 0]
+        log_det, trace = log_det + jnp.log(pivot), trace + s / pivot
+        column, row = P[1:, 0] / pivot[None], P[0, 1:]
+        both = column[:, None] * S[0, None, 1:]
+        P = P[1:, 1:] - column[:, None] * row[None]
+        S = S[1:, 1:] - both - transpose(both) + s[None, None] * column[:, None] * column[None]
+    return log_det, trace
+
+
 def factor(P: Float[Array, "K K"]) -> Float[Array, "K K"]:
     """Lower triangular L with L L' = P for a positive semi-definite P; a zero pivot gives a zero column.
 

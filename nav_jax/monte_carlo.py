@@ -53,8 +53,8 @@ def monte_carlo(
     name
         Of the filter in tables and figures.
     options
-        ``aiding, num_runs, key, initial, gains, every, output_interval, earth, chunk_size, workers, keep, progress``,
-        see `compare`.
+        ``aiding, num_runs, key, initial, gains, smooth, every, output_interval, earth, chunk_size, workers, keep,
+        progress``, see `compare`.
 
     Returns
     -------
@@ -84,6 +84,7 @@ def compare(
     key: Key[Any, ""],
     initial: InitialUncertainty | None = None,
     gains: str = "estimate",
+    smooth: bool = False,
     every: int = 1,
     output_interval: Real = 1.0,
     earth: FlatEarth | None = None,
@@ -113,6 +114,8 @@ def compare(
     gains
         ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
         to first order in the errors and several times faster; not for errors so large that they bend the filter.
+    smooth
+        Judge the fixed-interval smoother, which uses all measurements of a run, in place of the filter.
     every
         Number of IMU samples in a covariance step; the transition is accumulated over all of them.
     output_interval
@@ -162,13 +165,14 @@ def compare(
     on_cpu = jax.default_backend() == "cpu"
     workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
-    shared = {name: gains_of(setup.experiment, f) if gains == "reference" else None for name, f in filters.items()}
+    on_reference = gains == "reference"
+    shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
         # the last chunk is filled up with runs that nobody asked for: another size would compile again
         keys = run_keys(key, chunk * size, (chunk + 1) * size)
         inputs = draw_inputs(setup.experiment, truth, keys)
-        outcomes = {name: run_filter(setup.experiment, filters[name], inputs, shared[name]) for name in names}
+        outcomes = {n: run_filter(setup.experiment, filters[n], inputs, shared[n], smooth=smooth) for n in names}
         return {name: jax.tree.map(np.asarray, _outputs(setup, outcome)) for name, outcome in outcomes.items()}
 
     collected = {name: _Collected(setup, num_runs) for name in filters}
@@ -339,7 +343,7 @@ class _Collected:
             nis_time=dict(zip(names, self.setup.fix_times, strict=True)),
             nis_dof=dict(zip(names, self.sizes, strict=True)),
             innovation={n: a[:count] for n, a in zip(names, self.innovation, strict=True)},
-            outages={s.name: s.outages for s in self.setup.aiding if s.outages},
+            outages=self.setup.outages,
             notes=tuple(notes),
             tracks=tracks,
             num_requested=num_requested,

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int
 
 from nav_jax._check import increasing, integer, number, real_array
 from nav_jax._table import format_table
@@ -18,13 +17,14 @@ from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState
 from nav_jax.emulation import GivenErrors
 from nav_jax.experiment import start_covariance, timeline_of
-from nav_jax.filter import Inputs, run_estimate
+from nav_jax.filter import Inputs, Outcome, Timeline, run_estimate
 from nav_jax.initial import InitialUncertainty
 from nav_jax.judge import Truth
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
-from nav_jax.schedule import make_schedule
+from nav_jax.schedule import Schedule, make_schedule
 from nav_jax.sensors import Imu
+from nav_jax.smoother import smoothed
 from nav_jax.status import Status
 from nav_jax.trajectory import Trajectory
 
@@ -109,6 +109,92 @@ class Navigation:
         return "\n".join(lines)
 
 
+class Prepared(NamedTuple):
+    """A record as the filter takes it."""
+
+    timeline: Timeline
+    sensors: tuple[AbstractAiding, ...]
+    inputs: Inputs
+    """Of one run, without sensor states."""
+    schedule: Schedule
+    outputs: Int[np.ndarray, " E"]
+    """The segments that end at the epochs asked for."""
+    fixes: list[Int[np.ndarray, " _"]]
+    """Of each sensor, the segments that end with a fix."""
+    columns: Int[np.ndarray, " _"]
+    """Where the scalars of each sensor begin, and their number."""
+
+
+def prepare_navigation(
+    imu: Imu,
+    aiding: Sequence[Fixes],
+    errors: ImuErrors,
+    *,
+    position: Any,
+    velocity: Any,
+    quaternion: Any,
+    every: int,
+    output_interval: Real,
+    earth: FlatEarth | None,
+) -> Prepared:
+    """Check and arrange a record; parameters and errors as of `navigate`."""
+    if abs(errors.rate / imu.rate - 1) > 1e-6:
+        raise ValueError(
+            f"The errors belong to {errors.rate:g} Hz and the record to {imu.rate:g} Hz: use at_rate({imu.rate:g})."
+        )
+    sensors = tuple(f.sensor for f in aiding)
+    names = [s.name for s in sensors]
+    if len(set(names)) < len(names):
+        raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
+    earth = FlatEarth() if earth is None else earth
+    epochs = imu.epochs
+    interval = number("output_interval", output_interval)
+    count = int(np.floor((epochs[-1] - epochs[0]) / interval + 1e-9))
+    if not count:
+        raise ValueError(f"The output interval of {interval:g} s is longer than the record of {imu.duration:g} s.")
+    times = epochs[0] + interval * np.arange(1, count + 1)
+    schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
+    lengths = [len(times), *(len(f.time) for f in aiding)]
+    outputs, *fixes = np.split(schedule.event, np.cumsum(lengths)[:-1])
+    M = len(schedule.time)
+    start = {
+        name: real_array(name, value, (size,))
+        for name, value, size in (("position", position, 3), ("velocity", velocity, 3), ("quaternion", quaternion, 4))
+    }
+    if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
+        raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
+    p, v, q = (jnp.asarray(a[:, None]) for a in start.values())
+    begin = NavState(p, v, q, jnp.zeros((0, 1)))
+    # nothing is known to compare with: the errors of the channels are then what the filter estimates
+    nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
+    timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth.gravity_n(begin.p))
+    z = np.zeros((M, timeline.valid.shape[1], 1))
+    columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
+    for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
+        z[segments, a:b, 0] = f.value
+    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, 6, 1)))
+    return Prepared(timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, outputs, fixes, columns)
+
+
+@eqx.filter_jit
+def run_record(
+    timeline: Timeline,
+    sensors: tuple[AbstractAiding, ...],
+    inputs: Inputs,
+    errors: ImuErrors,
+    initial: InitialUncertainty,
+    *,
+    trace: bool = False,
+    smooth: bool = False,
+) -> Outcome:
+    """Run the filter over a prepared record."""
+    bank = errors.bank()
+    inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), 1))))
+    P = start_covariance(initial, bank)
+    outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)
+    return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
+
+
 def navigate(
     imu: Imu,
     aiding: Sequence[Fixes],
@@ -121,6 +207,7 @@ def navigate(
     every: int = 1,
     output_interval: Real = 1.0,
     earth: FlatEarth | None = None,
+    smooth: bool = False,
     throw: bool = True,
 ) -> Navigation:
     """Run the filter on recorded sensors.
@@ -143,6 +230,8 @@ def navigate(
         s between the epochs of standard deviations.
     earth
         ``FlatEarth(gravity)``.
+    smooth
+        Give the estimate of the fixed-interval smoother, from all fixes of the record, at every output and fix.
     throw
         Raise if the filter fails; else its status says so.
 
@@ -157,43 +246,18 @@ def navigate(
     RuntimeError
         The filter failed, and ``throw``.
     """
-    if abs(errors.rate / imu.rate - 1) > 1e-6:
-        raise ValueError(
-            f"The errors belong to {errors.rate:g} Hz and the record to {imu.rate:g} Hz: use at_rate({imu.rate:g})."
-        )
-    sensors = tuple(f.sensor for f in aiding)
-    names = [s.name for s in sensors]
-    if len(set(names)) < len(names):
-        raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
-    earth = FlatEarth() if earth is None else earth
-    bank, epochs = errors.bank(), imu.epochs
-    interval = number("output_interval", output_interval)
-    count = int(np.floor((epochs[-1] - epochs[0]) / interval + 1e-9))
-    if not count:
-        raise ValueError(f"The output interval of {interval:g} s is longer than the record of {imu.duration:g} s.")
-    times = epochs[0] + interval * np.arange(1, count + 1)
-    schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
-    lengths = [len(times), *(len(f.time) for f in aiding)]
-    outputs, *fixes = np.split(schedule.event, np.cumsum(lengths)[:-1])
-    M = len(schedule.time)
-    start = {
-        name: real_array(name, value, (size,))
-        for name, value, size in (("position", position, 3), ("velocity", velocity, 3), ("quaternion", quaternion, 4))
-    }
-    if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
-        raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
-    p, v, q = (jnp.asarray(a[:, None]) for a in start.values())
-    begin = NavState(p, v, q, jnp.zeros((len(bank.states), 1)))
-    # nothing is known to compare with: the errors of the channels are then what the filter estimates
-    nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
-    timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth.gravity_n(begin.p))
-    z = np.zeros((M, timeline.valid.shape[1], 1))
-    columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
-    for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
-        z[segments, a:b, 0] = f.value
-    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, 6, 1)))
-    inputs = Inputs(begin, none, jnp.asarray(z))
-    outcome = _run(timeline, bank, sensors, inputs, start_covariance(initial, bank))
+    done = prepare_navigation(
+        imu,
+        aiding,
+        errors,
+        position=position,
+        velocity=velocity,
+        quaternion=quaternion,
+        every=every,
+        output_interval=output_interval,
+        earth=earth,
+    )
+    outcome = run_record(done.timeline, done.sensors, done.inputs, errors, initial, trace=not smooth, smooth=smooth)
     outcome = jax.tree.map(lambda a: np.asarray(a)[..., 0], outcome)
     status = Status(int(outcome.status))
     if throw and status is not Status.ok:
@@ -201,23 +265,35 @@ def navigate(
             f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; "
             "with throw=False the solution up to there is returned."
         )
-    length = schedule.dt.sum(axis=1)[schedule.pattern].ravel()
-    real = np.flatnonzero(length > 0)
-    p, v, q = (a.reshape(-1, a.shape[-1])[real] for a in outcome.trace[:3])
-    estimate = [np.concatenate([a[None], b]) for a, b in zip(start.values(), (p, v, q), strict=True)]
-    time = np.append(epochs[0], epochs[0] + np.cumsum(length[real]))
-    whole = Trajectory(time, estimate[0], estimate[1], estimate[2], "navigation")
-    nu = {n: outcome.innovation[s, a:b] for n, s, a, b in zip(names, fixes, columns[:-1], columns[1:], strict=True)}
-    variance = {n: outcome.variance[s, a:b] for n, s, a, b in zip(names, fixes, columns[:-1], columns[1:], strict=True)}
+    names = [s.name for s in done.sensors]
+    parts = list(zip(names, done.fixes, done.columns[:-1], done.columns[1:], strict=True))
+    nu = {n: outcome.innovation[s, a:b] for n, s, a, b in parts}
+    variance = {n: outcome.variance[s, a:b] for n, s, a, b in parts}
     return Navigation(
-        whole,
-        times,
-        outcome.judgement.sd[outputs],
-        outcome.judgement.error[outputs, 9:],
+        _trajectory(done, outcome, imu, smooth=smooth),
+        done.schedule.time[done.outputs],
+        outcome.judgement.sd[done.outputs],
+        outcome.judgement.error[done.outputs, 9:],
         nu,
         {n: (nu[n] ** 2 / variance[n]).sum(axis=1) for n in names},
         status,
     )
 
 
-_run = eqx.filter_jit(partial(run_estimate, trace=True))
+def _trajectory(done: Prepared, outcome: Outcome, imu: Imu, *, smooth: bool) -> Trajectory:
+    """The estimate from the start on; of the smoother, at the events, after the start."""
+    length = done.schedule.dt.sum(axis=1)[done.schedule.pattern]
+    if smooth:
+        moved = length.sum(axis=1) > 0  # of several segments that end at once, the last has all fixes
+        last = np.append(moved[1:], True)
+        p, v, q = (np.asarray(a)[last] for a in outcome.state[:3])
+        return Trajectory(done.schedule.time[last], p, v, q, "smoothed navigation")
+    length = length.ravel()
+    real = np.flatnonzero(length > 0)
+    start = [np.asarray(a)[:, 0] for a in done.inputs.start[:3]]
+    p, v, q = (
+        np.concatenate([first[None], a.reshape(-1, a.shape[-1])[real]])
+        for first, a in zip(start, outcome.trace[:3], strict=True)
+    )
+    time = np.append(imu.epochs[0], imu.epochs[0] + np.cumsum(length[real]))
+    return Trajectory(time, p, v, q, "navigation")

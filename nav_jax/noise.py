@@ -1,4 +1,4 @@
-"""The bridge from the noise models of gmwm_jax to a filter and an emulation: the only file that sees gmwm_jax.
+"""The bridge from noise models to a filter and an emulation: with `noise_models` the only file that sees gmwm_jax.
 
 An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model of its own. What a process is to a
 filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR and
@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
-from jaxtyping import Float, Key
+from jaxtyping import Array, Float
 
-from gmwm_jax import WN, Composite, StateSpace, datasets, parse_model, read_recording, simulate, units
+from gmwm_jax import Composite, StateSpace, datasets, read_recording, units
 from nav_jax._check import as_float, concrete, positive, sampling_rate
 from nav_jax._typing import Real
 from nav_jax.layout import CHANNELS, SensorState
+from nav_jax.noise_models import as_model, block_diagonal, complete_form
 from nav_jax.recorded import RecordedErrors
 from nav_jax.sensor_bank import SensorBank
 
@@ -110,13 +109,24 @@ class ImuErrors(eqx.Module):
             start=self.start,
         )
 
-    def bank(self) -> SensorBank:
-        """The states of a filter, or of an emulation, that knows this model."""
+    def bank(self, *, complete: bool = False) -> SensorBank:
+        """The states of a filter, or of an emulation, that knows this model.
+
+        Parameters
+        ----------
+        complete
+            With all processes: quantisation noise has two states then.
+
+        Raises
+        ------
+        ValueError
+            All are wanted, and one has no state-space form.
+        """
         forms: list[tuple[SensorState, StateSpace]] = []
         white = [jnp.zeros(())] * len(CHANNELS)
         for channel, model in enumerate(self.models):
             for label, process in zip(model.labels, model.processes, strict=True):
-                form = process.state_space()
+                form = complete_form(process, CHANNELS[channel]) if complete else process.state_space()
                 if form is None:
                     continue
                 white[channel] = white[channel] + form.white
@@ -135,10 +145,10 @@ class ImuErrors(eqx.Module):
             for i in range(len(f.readout))
         )
         return SensorBank(
-            transition=_block_diagonal([f.transition for _, f in forms]),
-            driving=_block_diagonal([f.driving for _, f in forms]),
+            transition=block_diagonal([f.transition for _, f in forms]),
+            driving=block_diagonal([f.driving for _, f in forms]),
             readout=jnp.concatenate([jnp.zeros(0), *(f.readout for _, f in forms)]),
-            initial=_block_diagonal(initial),
+            initial=block_diagonal(initial),
             white=jnp.stack(white),
             rate=as_float(self.rate),
             states=states,
@@ -267,77 +277,6 @@ def _axes(by_channel: Mapping[str, Any], sensor: str, source: Any) -> list[Any]:
     return found * 3
 
 
-def as_model(model: Any, what: str) -> Composite:
-    """Return a complete composite from a process, sum, text or fit, without its components of amplitude zero.
-
-    Of a fit its reduced form: a Gauss-Markov process at its limit is a random walk or white noise, whose stationary
-    variance means nothing.
-
-    Raises
-    ------
-    ValueError
-        It is none of these, or has a parameter without value.
-    """
-    model = getattr(model, "reduced", model)
-    if isinstance(model, str):
-        model = parse_model(model)
-    elif not isinstance(model, Composite):
-        try:
-            model = Composite((model,))
-        except TypeError as error:
-            raise ValueError(
-                f"{what}: a noise model is wanted (of gmwm_jax, or a fit), and this is {model!r}."
-            ) from error
-    for process in model.processes:
-        process.require_complete()
-    # a component that a fit has put to zero is no state: its variance would be singular
-    kept = [p for p in model.processes if (a := concrete(p.amplitude)) is None or a > 0]
-    return Composite(kept or model.processes[:1])
-
-
-NoiseModel = Composite
-"""The noise of one axis of a sensor; no other file needs to know whose class it is."""
-
-
-def axis_noise(given: Any, what: str) -> NoiseModel:
-    """Return the noise of one axis: white with a standard deviation if it is a number, else a model.
-
-    Raises
-    ------
-    ValueError
-        A standard deviation that is not positive, or no model.
-    """
-    if isinstance(given, int | float | np.ndarray | np.number | Array):
-        positive(f"{what}: a standard deviation", given)
-        return Composite((WN(as_float(given) ** 2),))
-    return as_model(given, what)
-
-
-def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[Array, "N R"]:
-    """Draw a short record of a model for each key, as of an aiding sensor."""
-    return jax.vmap(lambda key: simulate(model, num_samples, key=key), out_axes=1)(keys)
-
-
-def white_sd(model: NoiseModel) -> Float[Array, ""]:
-    """Standard deviation of a sample of a model: what a filter that takes it as white noise should believe.
-
-    Raises
-    ------
-    ValueError
-        The model has none that lasts (a random walk, a drift).
-    """
-    variance = jnp.zeros(())
-    for process in model.processes:
-        try:
-            variance = variance + process.autocovariance(jnp.zeros(1))[0]
-        except ValueError as error:
-            raise ValueError(
-                f"{process.kind} has no constant variance that a filter could take as white: state the standard "
-                "deviation that the filter believes."
-            ) from error
-    return jnp.sqrt(variance)
-
-
 def _per_axis(sensor: str, given: Any) -> list[Any]:
     fits = getattr(given, "fits", None)
     if fits is not None:
@@ -373,8 +312,3 @@ def _at_rate(model: Composite, old: float, new: float) -> Composite:
         build: Any = type(p)
         processes.append(build(*units.from_continuous(p.kind, continuous, new)))
     return Composite(processes)
-
-
-def _block_diagonal(parts: list[Any]) -> Float[Array, "M M"]:
-    # block_diag of nothing has a row
-    return jax.scipy.linalg.block_diag(*parts) if parts else jnp.zeros((0, 0))

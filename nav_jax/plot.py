@@ -12,11 +12,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, StrMethodFormatter
 
 from nav_jax.comparison import Comparison
 from nav_jax.energy import energy_score
-from nav_jax.plot_runs import COLOURS, figure_of, grid, plan_and_height, shade
+from nav_jax.plot_runs import COLOURS, figure_of, grid, logarithmic, plan_and_height, shade
 from nav_jax.ranking import Ranking, common_runs
 from nav_jax.runs import Runs
 from nav_jax.statistics import Curve, coverage, mean_curve, mean_nees, mean_norm
@@ -88,7 +87,7 @@ def plot_mean_errors(
     right.set(ylabel="mean orientation error [deg]", title="orientation error")
     for ax in (left, right):
         if log:
-            _logarithmic(ax)
+            logarithmic(ax)
         else:
             ax.set_ylim(bottom=0)
         _finish(ax, by_name, f"{len(chosen)} runs, band: {100 * level:g} % interval")
@@ -274,7 +273,7 @@ def _room(ax: Axes, *, above: bool) -> None:
     """Room for a legend that would cover the curves."""
     low, high = ax.get_ylim()
     if above and high > 6:  # a model that is far off would press the band flat
-        _logarithmic(ax)
+        logarithmic(ax)
         low, high = ax.get_ylim()
         ax.set_ylim(low, high * (high / low) ** 0.45)
     elif above:
@@ -282,14 +281,6 @@ def _room(ax: Axes, *, above: bool) -> None:
     else:
         ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= 1])
         ax.set_ylim(low - 0.45 * (high - low), high)
-
-
-def _logarithmic(ax: Axes) -> None:
-    """With ticks that read as numbers, also where the axis has no power of ten on it."""
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
-    ax.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
 
 
 def _frames(rows: int, columns: int, axes: Sequence[Axes] | None, size: tuple[float, float]) -> tuple[Figure, Any]:

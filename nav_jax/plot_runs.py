@@ -5,12 +5,13 @@ saves or closes anything.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from nav_jax.components import block_columns
 from nav_jax.runs import Runs
@@ -21,6 +22,8 @@ COLOURS = ("#1f4e79", "#c23b22", "#2a8f8f", "#e08e0b", "#7a4f9a", "#5b8c2a", "#b
 
 _RUN, _BOUND, _TRUTH, _IN_OUTAGE = "#7fa3c7", "#c23b22", "black", "#e08e0b"
 _OUTAGE = "#f3e3c3"
+_MANY = 500
+"""Of a logarithmic axis that spans more, only powers of ten have room for a number."""
 
 _SHOWN = {  # block -> (title, unit, factor, rows: label, column, sign)
     "position": ("position", "m", 1.0, (("east", 1, 1), ("north", 0, 1), ("up", 2, -1))),
@@ -132,6 +135,16 @@ def grid(ax: Axes) -> None:
     """Thin lines behind the data."""
     ax.grid(True, which="major", color="0.88", lw=0.6)
     ax.set_axisbelow(True)
+
+
+def logarithmic(ax: Axes, which: Literal["x", "y"] = "y") -> None:
+    """With ticks that read as numbers, also where the axis has no power of ten on it."""
+    ax.set(**{f"{which}scale": "log"})
+    low, high = ax.get_ylim() if which == "y" else ax.get_xlim()
+    axis = ax.yaxis if which == "y" else ax.xaxis
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_locator(LogLocator(subs=(2, 5)))
+    axis.set_minor_formatter(StrMethodFormatter("{x:g}") if high < _MANY * low else NullFormatter())
 
 
 def figure_of(ax: Axes) -> Figure:

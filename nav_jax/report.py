@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,14 +51,19 @@ def write_report(comparison: Comparison, folder: Path, *, plot: bool = True) -> 
 
     Figures are drawn where there are two or more runs in which no model failed.
     """
+    texts = {TEXT: as_text(comparison), CONTENT: as_json(comparison)}
+    return write_files(folder, texts, _figures(comparison) if plot and comparison.num_common >= 2 else ())
+
+
+def write_files(
+    folder: Path, texts: Mapping[str, str], figures: Iterable[tuple[str, Callable[[], Figure]]]
+) -> list[str]:
+    """Write texts and figures by the names of their files into a folder; returns these names."""
     plt.switch_backend("Agg")
-    texts = {TEXT: as_text(comparison) + "\n", CONTENT: as_json(comparison) + "\n"}
     for name, text in texts.items():
-        write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))
-    if not plot or comparison.num_common < 2:
-        return list(texts)
+        write_atomically(folder / name, lambda file, text=text: file.write(f"{text.rstrip()}\n".encode()))
     drawn = []
-    for name, draw in _figures(comparison):
+    for name, draw in figures:
         figure = draw()
         write_atomically(folder / name, lambda file, figure=figure: figure.savefig(file, format="png", dpi=120))
         plt.close(figure)

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float64, Integer
 from nav_jax._store import import_xarray, read_dataset, write_dataset
 from nav_jax._table import format_table, number
 from nav_jax.components import BLOCKS, COMPONENTS, UNITS, block_columns
+from nav_jax.epochs import judged_epoch, outage_intervals
 from nav_jax.results_io import RUNS_KIND, dataset_to_fields, runs_to_dataset
 from nav_jax.status import Status
 
@@ -148,7 +149,7 @@ class Runs:
     @property
     def outage_intervals(self) -> tuple[tuple[float, float], ...]:
         """Of all sensors, each interval once, by start."""
-        return tuple(sorted({(float(a), float(b)) for intervals in self.outages.values() for a, b in intervals}))
+        return outage_intervals(self.outages)
 
     def epoch(self, at: float | None = None) -> int:
         """Number of the epoch at which models are judged.
@@ -159,23 +160,7 @@ class Runs:
             Time in s, the nearest epoch is taken. By default the end of the outage that ends last, where errors are
             largest: the last epoch that is not after it and has no new fix yet; without outage the last epoch.
         """
-        if at is not None:
-            if not self.time[0] <= at <= self.time[-1]:
-                raise ValueError(f"at={at!r} s is outside the runs: {self.time[0]:g} .. {self.time[-1]:g} s.")
-            return int(np.argmin(np.abs(self.time - at)))
-        ends = [b for a, b in self.outage_intervals if a <= self.time[-1]]
-        if not ends:
-            return len(self.time) - 1
-        over, tolerance = max(ends), 1e-6
-        # an outage may or may not take the fix at its very end with it
-        fixes = [
-            times[times > over - tolerance].min(initial=np.inf)
-            for sensor, times in self.nis_time.items()
-            if any(abs(end - over) < tolerance for _, end in self.outages.get(sensor, ()))
-        ]
-        fix = min(fixes, default=np.inf)
-        before = np.flatnonzero((self.time <= over + tolerance) & (self.time < fix - tolerance))
-        return int(before[-1]) if len(before) else len(self.time) - 1
+        return judged_epoch(self.time, self.outages, self.nis_time, at)
 
     # -- as others want it ------------------------------------------------------------------------------------------
 

@@ -9,6 +9,10 @@ and `step_noise` adds up the weights of x_0 in y and the covariances of the nois
 noise has the density r/f, also over a part of a sample (where a fix lies between two samples).
 """
 
+from functools import cache
+from itertools import groupby
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -96,14 +100,37 @@ class StepNoise(eqx.Module):
 
 def by_channel(channels: tuple[int, ...], weights: Float[Array, " M"], X: Float[Array, "M *K"]) -> Float[Array, "6 *K"]:
     """Sum of weights times X over the states of each channel; 0 for a channel without state."""
-    zero = jnp.zeros(X.shape[1:], dtype=X.dtype)
-    rows = []
-    for channel in range(len(CHANNELS)):
-        row = zero
-        for j in (j for j, c in enumerate(channels) if c == channel):
-            row = weights[j] * X[j] if row is zero else row + weights[j] * X[j]
-        rows.append(row)
-    return jnp.stack(rows)
+    X, rest = weights.reshape(-1, *(1,) * (X.ndim - 1)) * X, X.shape[1:]
+    total = jnp.zeros((len(CHANNELS), *rest), X.dtype)
+    for run in _runs(channels):
+        # channels with as many states each, one after the other: one slice, whose gradient is one padded array
+        part = jnp.sum(X[run.start : run.stop].reshape(run.channels, -1, *rest), axis=1)
+        total = total.at[run.first : run.first + run.channels].add(part)
+    return total
+
+
+class _Run(NamedTuple):
+    start: int
+    stop: int
+    first: int
+    """The first of the channels."""
+    channels: int
+
+
+@cache
+def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
+    """States start .. stop that belong to consecutive channels, with as many states each."""
+    counts = [(c, len(list(same))) for c, same in groupby(channels)]
+    runs: list[_Run] = []
+    at = 0
+    for channel, count in counts:
+        last = runs[-1] if runs else None
+        if last and channel == last.first + last.channels and (last.stop - last.start) == count * last.channels:
+            runs[-1] = last._replace(stop=at + count, channels=last.channels + 1)
+        else:
+            runs.append(_Run(at, at + count, channel, 1))
+        at += count
+    return tuple(r for r in runs if r.first >= 0)
 
 
 def step_noise(bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> StepNoise:

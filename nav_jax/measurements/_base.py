@@ -17,7 +17,7 @@ from jaxtyping import Float, Key
 
 from nav_jax._check import as_float, number, positive, sampling_rate
 from nav_jax._typing import Real
-from nav_jax.noise import NoiseModel, axis_noise, draw, white_sd
+from nav_jax.noise_models import NoiseModel, axis_noise, draw, white_sd
 
 _TOLERANCE = 1e-6
 """s, by which the ends of an outage belong to it."""

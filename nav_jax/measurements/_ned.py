@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from nav_jax._typing import Real
 from nav_jax.measurements._base import AbstractAiding, noises, timing
-from nav_jax.noise import NoiseModel
+from nav_jax.noise_models import NoiseModel
 
 
 class AbstractNed(AbstractAiding):

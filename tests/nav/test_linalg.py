@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from nav_jax.linalg import factor, matmul3, root, symmetrise, transpose, whiten
+from nav_jax.linalg import factor, log_det_and_trace, matmul3, root, symmetrise, transpose, whiten
 
 RNG = np.random.default_rng(1)
 
@@ -72,3 +72,16 @@ def test_a_root_is_flat_where_nothing_is():
     x = jnp.array([4.0, 0.0, -1.0])
     np.testing.assert_array_equal(root(x), [2.0, 0.0, 0.0])
     np.testing.assert_array_equal(jax.vmap(jax.grad(root))(x), [0.25, 0.0, 0.0])
+
+
+def test_log_determinant_and_trace():
+    """Against a library, for matrices of very different scales; NaN where P is not positive definite."""
+    rng = np.random.default_rng(3)
+    A, B = rng.standard_normal((2, 5, 5, 7))
+    scale = 10.0 ** rng.uniform(-4, 4, (5, 1, 7))
+    P, S = (np.einsum("ikr,jkr->ijr", scale * X, scale * X) for X in (A, B))
+    log_det, trace = log_det_and_trace(jnp.asarray(P), jnp.asarray(S))
+    for r in range(7):
+        assert log_det[r] == pytest.approx(np.linalg.slogdet(P[..., r])[1], rel=1e-9)
+        assert trace[r] == pytest.approx(np.trace(np.linalg.solve(P[..., r], S[..., r])), rel=1e-6)
+    assert np.isnan(log_det_and_trace(-jnp.asarray(P), jnp.asarray(S))[0]).all()

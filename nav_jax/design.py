@@ -1,0 +1,339 @@
+r"""The smallest filter that navigates well: design of noise models by the navigation error that they make.
+
+A filter with fewer states than the truth has processes should not believe a part of the truth, but what serves best
+along the trajectories at hand. Over filter models WN + k GM on each axis the expected logarithmic score
+
+    S = 1/2 mean over epochs of [ log det C + tr(C^-1 T) ],      T true, C claimed covariance of the navigation error,
+
+is minimised by its gradient: linear covariances, differentiated through the whole run. It is a proper score: a filter
+gains by small errors (log det C, once C is about T) and by claims that are true; ``error`` asks for small errors only.
+Every structure (number of processes of accelerometers and of gyros) is a mask on one compiled program, and all of them,
+from several starts, are sought at once.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from nav_jax._check import integer
+from nav_jax._table import format_table, number
+from nav_jax.analysis import Analysis, Covariances, analyse, make_setup
+from nav_jax.comparison import Comparison
+from nav_jax.design_family import Family
+from nav_jax.design_search import Course, losses, search_filters
+from nav_jax.earth import FlatEarth
+from nav_jax.epochs import outage_intervals
+from nav_jax.initial import InitialUncertainty
+from nav_jax.lincov import motion_of, noise_of
+from nav_jax.measurements._base import AbstractAiding
+from nav_jax.monte_carlo import compare
+from nav_jax.noise import ImuErrors
+from nav_jax.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+OBJECTIVES = ("score", "error")
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A trajectory with its aiding, along which filters are judged.
+
+    Attributes
+    ----------
+    reference
+        The trajectory.
+    aiding
+        Sensors, with the outages that matter.
+    initial
+        Uncertainty of the start; none if not given.
+    """
+
+    reference: Trajectory
+    aiding: Sequence[AbstractAiding]
+    initial: InitialUncertainty | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """The best filter of one structure.
+
+    Attributes
+    ----------
+    num_accel, num_gyro
+        Gauss-Markov processes on each axis besides white noise.
+    num_states
+        Sensor states in all.
+    errors
+        What it believes.
+    naive
+        The best of the same structure that believes a part of the truth as it is.
+    loss, loss_naive
+        Of both, the smaller the better.
+    converged
+        Whether the search came to its end.
+    covariances, covariances_naive
+        Of each scenario.
+    """
+
+    num_accel: int
+    num_gyro: int
+    num_states: int
+    errors: ImuErrors
+    naive: ImuErrors
+    loss: float
+    loss_naive: float
+    converged: bool
+    covariances: tuple[Covariances, ...]
+    covariances_naive: tuple[Covariances, ...]
+
+    @property
+    def name(self) -> str:
+        """Such as ``2 GM accel, 1 GM gyro``."""
+        return f"{self.num_accel} GM accel, {self.num_gyro} GM gyro"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design:
+    """The best filter of each structure, with fewer states first.
+
+    Attributes
+    ----------
+    candidates
+        One a structure.
+    right
+        Covariances of the filter that believes the truth, of each scenario.
+    objective
+        ``score`` or ``error``.
+    truth, scenarios
+        What they were designed for.
+    """
+
+    candidates: tuple[Candidate, ...]
+    right: tuple[Covariances, ...]
+    objective: str
+    truth: ImuErrors
+    scenarios: tuple[Scenario, ...]
+
+    @property
+    def pareto(self) -> tuple[Candidate, ...]:
+        """Candidates that no other with as few states surpasses."""
+        front: list[Candidate] = []
+        for c in self.candidates:
+            if not front or c.loss < min(f.loss for f in front):
+                front = [f for f in front if f.num_states < c.num_states] + [c]
+        return tuple(front)
+
+    def best(self, max_states: int | None = None) -> Candidate:
+        """The best filter within a budget of sensor states.
+
+        Raises
+        ------
+        ValueError
+            No structure has so few states.
+        """
+        allowed = [c for c in self.candidates if max_states is None or c.num_states <= max_states]
+        if not allowed:
+            raise ValueError(
+                f"No structure has {max_states} states or fewer; the smallest has {self.candidates[0].num_states}."
+            )
+        return min(allowed, key=lambda c: c.loss)
+
+    def confirm(
+        self, *, num_runs: int, key: Any, candidate: Candidate | None = None, **options: Any
+    ) -> tuple[Comparison, ...]:
+        """A Monte Carlo of a candidate, its naive counterpart and the right filter on fresh noise, for each scenario.
+
+        Parameters
+        ----------
+        num_runs, key, options
+            See `nav_jax.compare`.
+        candidate
+            The best unless told otherwise.
+        """
+        c = self.best() if candidate is None else candidate
+        filters = {"designed": c.errors, "truncated": c.naive, "right": self.truth}
+        return tuple(
+            compare(
+                s.reference,
+                self.truth,
+                filters,
+                aiding=s.aiding,
+                initial=s.initial,
+                num_runs=num_runs,
+                key=key,
+                **options,
+            )
+            for s in self.scenarios
+        )
+
+    def table(self) -> str:
+        """States against error, at the judged epoch of each scenario (root mean square over the scenarios)."""
+        head = [
+            "filter",
+            "states",
+            self.objective,
+            "position [m]",
+            "claimed [m]",
+            "NEES / 9",
+            "truncated: position",
+            "NEES / 9",
+            "",
+        ]
+        on_front = {id(c) for c in self.pareto}
+        rows = []
+        for c in self.candidates:
+            designed, naive = judged(c.covariances), judged(c.covariances_naive)
+            cells = [number(x, 4) for x in (*designed, naive[0], naive[2])]
+            mark = " ".join(["*"] * (id(c) in on_front) + ["not converged"] * (not c.converged))
+            rows.append([c.name, str(c.num_states), number(c.loss, 5), *cells, mark])
+        position, claimed, nees = judged(self.right)
+        states = str(len(self.truth.bank().states))
+        rows.append(["truth", states, "", *(number(x, 4) for x in (position, claimed, nees)), "", "", ""])
+        return format_table(head, rows)
+
+    def __repr__(self) -> str:
+        where = ", ".join(s.reference.name or "trajectory" for s in self.scenarios)
+        return f"Filters designed for {where} by {self.objective}; * best for its number of states\n{self.table()}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """See `nav_jax.plot_analysis.plot_design`."""
+        from nav_jax.plot_analysis import plot_design
+
+        return plot_design(self, **options)
+
+
+def design(
+    truth: ImuErrors,
+    scenarios: Sequence[Scenario] | Scenario,
+    *,
+    max_accel: int = 2,
+    max_gyro: int = 2,
+    max_states: int | None = None,
+    objective: str = "score",
+    num_starts: int = 2,
+    max_steps: int = 60,
+    every: int = 10,
+    earth: FlatEarth | None = None,
+) -> Design:
+    """Find the best filter of each structure WN + k GM a axis, by its true error along trajectories.
+
+    Parameters
+    ----------
+    truth
+        Errors of the IMU.
+    scenarios
+        Trajectories with aiding; epochs in outages count, all where there is none.
+    max_accel, max_gyro
+        Most Gauss-Markov processes on an axis.
+    max_states
+        Structures with more sensor states are left out.
+    objective
+        ``score``: small errors and true claims of position, velocity and attitude; ``error``: a small position error.
+    num_starts
+        Searches of each structure, from the best parts of the truth.
+    max_steps
+        Of each search.
+    every
+        Number of IMU samples in a covariance step.
+    earth
+        ``FlatEarth(gravity)``.
+
+    Raises
+    ------
+    ValueError
+        No structure within the budget, no scenario, unknown objective; as of `nav_jax.analyse`.
+    """
+    scenarios = (scenarios,) if isinstance(scenarios, Scenario) else tuple(scenarios)
+    if not scenarios:
+        raise ValueError("Give at least one scenario.")
+    if objective not in OBJECTIVES:
+        raise ValueError(f"The objective is one of {', '.join(OBJECTIVES)}, and is {objective!r}.")
+    family = Family(truth, integer("max_accel", max_accel, 0), integer("max_gyro", max_gyro, 0))
+    structures = [
+        s
+        for s in product(range(max_accel + 1), range(max_gyro + 1))
+        if max_states is None or family.num_states(s) <= max_states
+    ]
+    if not structures:
+        raise ValueError(f"No structure has {max_states} sensor states or fewer.")
+    courses = tuple(_course(s, truth, every, earth) for s in scenarios)
+    starts = [(s, x) for s in structures for x in family.starts(s)]
+    masks = jnp.stack([family.mask(s) for s, _ in starts])
+    vectors = jnp.stack([x for _, x in starts])
+    naive = np.asarray(losses(courses, family, vectors, masks, objective))
+    # of each structure the best starts
+    lanes = [
+        i
+        for s in structures
+        for i in sorted((i for i, (of, _) in enumerate(starts) if of == s), key=lambda i: naive[i])[:num_starts]
+    ]
+    of = np.array(lanes)
+    ended = search_filters(courses, family, vectors[of], masks[of], objective, max_steps)
+    ends, reached, converged = (np.asarray(a) for a in ended)
+    candidates = []
+    for s in structures:
+        mine = [j for j, i in enumerate(lanes) if starts[i][0] == s]
+        best = min(mine, key=lambda j: reached[j])
+        first = lanes[mine[0]]
+        errors, cut = family.errors(ends[best], s), family.errors(np.asarray(vectors[first]), s)
+        both = {"designed": errors, "truncated": cut}
+        found = [_analysis(c, truth, both, every, earth) for c in scenarios]
+        candidates.append(
+            Candidate(
+                *s,
+                family.num_states(s),
+                errors,
+                cut,
+                float(reached[best]),
+                float(naive[first]),
+                bool(converged[best]),
+                tuple(a["designed"] for a in found),
+                tuple(a["truncated"] for a in found),
+            )
+        )
+    candidates.sort(key=lambda c: (c.num_states, c.loss))
+    right = tuple(_analysis(c, truth, {"right": truth}, every, earth)["right"] for c in scenarios)
+    return Design(tuple(candidates), right, objective, truth, scenarios)
+
+
+def _course(scenario: Scenario, truth: ImuErrors, every: int, earth: FlatEarth | None) -> Course:
+    setup = make_setup(
+        scenario.reference,
+        truth,
+        {"filter": truth},
+        scenario.aiding,
+        scenario.initial,
+        every=every,
+        output_interval=1.0,
+        earth=earth,
+    )
+    time, outages = setup.output_times, outage_intervals(setup.outages)
+    inside = np.any([(time > a) & (time < b) for a, b in outages], axis=0) if outages else np.full(len(time), True)
+    if not inside.any():
+        raise ValueError("An outage has no epoch inside: it is shorter than 1 s.")
+    segments = jnp.asarray(setup.output_segments[inside])
+    return Course(setup.experiment, motion_of(setup.experiment), noise_of(setup.experiment, truth), segments)
+
+
+def _analysis(
+    scenario: Scenario, truth: ImuErrors, filters: Mapping[str, ImuErrors], every: int, earth: FlatEarth | None
+) -> Analysis:
+    return analyse(
+        scenario.reference, truth, filters, aiding=scenario.aiding, initial=scenario.initial, every=every, earth=earth
+    )
+
+
+def judged(covariances: Sequence[Covariances]) -> tuple[float, float, float]:
+    """RMS and claimed position error and NEES / 9 at the judged epochs."""
+    at = [(c, c.epoch()) for c in covariances]
+    position, claimed = (
+        float(np.sqrt(np.mean([x[k] ** 2 for x, k in rows])))
+        for rows in ([(c.rms("position"), k) for c, k in at], [(c.rms_claimed("position"), k) for c, k in at])
+    )
+    return position, claimed, float(np.mean([c.nees("navigation")[k] / 9 for c, k in at]))

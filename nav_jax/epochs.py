@@ -1,0 +1,60 @@
+"""The epoch at which filters are judged."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+Outages = Mapping[str, Sequence[tuple[float, float]]]
+
+_TOLERANCE = 1e-6
+"""s."""
+
+
+def outage_intervals(outages: Outages) -> tuple[tuple[float, float], ...]:
+    """Of all sensors, each interval once, by start."""
+    return tuple(sorted({(float(a), float(b)) for intervals in outages.values() for a, b in intervals}))
+
+
+def judged_epoch(
+    time: Float64[np.ndarray, " E"],
+    outages: Outages,
+    fix_times: Mapping[str, Float64[np.ndarray, " _"]],
+    at: float | None = None,
+) -> int:
+    """Number of the epoch at which filters are judged.
+
+    Parameters
+    ----------
+    time
+        The epochs, s.
+    outages, fix_times
+        Of each sensor.
+    at
+        Time in s, the nearest epoch is taken. By default the end of the outage that ends last, where errors are
+        largest: the last epoch that is not after it and has no new fix yet; without outage the last epoch.
+
+    Raises
+    ------
+    ValueError
+        A time outside the run.
+    """
+    if at is not None:
+        if not time[0] <= at <= time[-1]:
+            raise ValueError(f"at={at!r} s is outside the runs: {time[0]:g} .. {time[-1]:g} s.")
+        return int(np.argmin(np.abs(time - at)))
+    ends = [b for a, b in outage_intervals(outages) if a <= time[-1]]
+    if not ends:
+        return len(time) - 1
+    over = max(ends)
+    # an outage may or may not take the fix at its very end with it
+    fix = min(_next_fixes(over, outages, fix_times), default=np.inf)
+    before = np.flatnonzero((time <= over + _TOLERANCE) & (time < fix - _TOLERANCE))
+    return int(before[-1]) if len(before) else len(time) - 1
+
+
+def _next_fixes(over: float, outages: Outages, fix_times: Mapping[str, np.ndarray]) -> Iterable[float]:
+    """The first fix of each sensor whose outage ends then."""
+    for sensor, times in fix_times.items():
+        if any(abs(end - over) < _TOLERANCE for _, end in outages.get(sensor, ())):
+            yield times[times > over - _TOLERANCE].min(initial=np.inf)

@@ -1,0 +1,117 @@
+"""Recorded navigation data: columns and units of the samples of an IMU and of fixes, and what is refused."""
+
+import numpy as np
+import pytest
+
+import nav_jax as nj
+
+TIME = np.arange(20) / 10
+TABLE = np.column_stack([TIME, *(np.sin(TIME + i) for i in range(6))])
+NAMES = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+SI = {"gyro": "rad/s", "accel": "m/s^2"}
+GNSS = nj.GnssPosition(1.0, horizontal=1.0, vertical=2.0)
+BARO = nj.Barometer(1.0, height=0.5)
+
+
+def columns(names=NAMES, table=TABLE):
+    return dict(zip(names, table.T, strict=True))
+
+
+def test_samples_by_order_by_name_and_by_what_is_told():
+    by_order = nj.read_imu(TABLE, units=SI)
+    assert by_order.rate == pytest.approx(10.0)
+    np.testing.assert_array_equal(by_order.time, TIME)
+    np.testing.assert_array_equal(by_order.gyro, TABLE[:, 1:4])
+    np.testing.assert_array_equal(by_order.accel, TABLE[:, 4:])
+    mixed = ["accel_x", "temperature", "time", "Gyro X", "gyr_y", "omega_z", "roll", "acc_y", "f_z"]
+    at = [4, 0, 0, 1, 2, 3, 1, 5, 6]
+    told = nj.read_imu(columns([*mixed[:-1], "up"], TABLE[:, at]), units=SI, columns={"accel_z": "up"}, rate=10.0)
+    for found in (nj.read_imu(columns(mixed, TABLE[:, at]), units=SI), told):
+        np.testing.assert_array_equal(found.gyro, by_order.gyro)
+        np.testing.assert_array_equal(found.accel, by_order.accel)
+
+
+@pytest.mark.parametrize(
+    ("units", "suffixes", "factors"),
+    [
+        ({"gyro": "deg/s", "accel": "g"}, ("", ""), (np.pi / 180, 9.80665)),
+        ({"gyro": "deg/h", "accel": "mg"}, ("", ""), (np.pi / 648000, 9.80665e-3)),
+        (None, (" [deg/s]", " [m/s^2]"), (np.pi / 180, 1.0)),
+        ({"accel": "m/s2"}, ("_rad_s", ""), (1.0, 1.0)),
+    ],
+)
+def test_units_are_told_or_in_the_names(units, suffixes, factors):
+    names = ["time_ms", *(n + suffixes[n.startswith("accel")] for n in NAMES[1:])]
+    table = TABLE * [1000, *[1] * 6]
+    imu = nj.read_imu(columns(names, table), units=units)
+    np.testing.assert_allclose(imu.time, TIME)
+    np.testing.assert_allclose(imu.gyro, factors[0] * TABLE[:, 1:4], rtol=1e-14)
+    np.testing.assert_allclose(imu.accel, factors[1] * TABLE[:, 4:], rtol=1e-14)
+
+
+def test_fixes_of_each_sensor(tmp_path):
+    time = np.array([1.0, 2.5, 4.0])
+    table = np.column_stack([time, np.arange(9.0).reshape(3, 3)])
+    found = nj.read_fixes(table, GNSS)
+    np.testing.assert_array_equal(found.time, time)
+    np.testing.assert_array_equal(found.value, table[:, 1:])
+    speed = nj.GnssVelocity(1.0, horizontal=1.0, vertical=2.0)
+    kilometres = columns(("time", "vn_km_h", "ve_km_h", "vd_km_h"), table)
+    np.testing.assert_allclose(nj.read_fixes(kilometres, speed).value, table[:, 1:] / 3.6)
+    (tmp_path / "baro.csv").write_text("time;alt\n1;5\n2;6\n")
+    np.testing.assert_array_equal(nj.read_fixes(tmp_path / "baro.csv", BARO).value, [[5], [6]])
+
+
+def test_fixes_in_outages_are_left_out():
+    sensor = nj.Barometer(1.0, height=0.5, outages=[(2.0, 3.0)])
+    found = nj.read_fixes({"time": np.arange(1.0, 5.0), "height": np.arange(4.0)}, sensor)
+    np.testing.assert_array_equal(found.time, [1, 4])
+    np.testing.assert_array_equal(found.value, [[0], [3]])
+
+
+def test_geodetic_positions_become_local():
+    table = {"time": np.arange(2.0), "lat": np.array([45, 45.001]), "lon": np.full(2, 7.0), "h": np.array([100.0, 90])}
+    found = nj.read_fixes(table, GNSS, origin=(np.pi / 4, np.deg2rad(7), 100.0), angles="deg")
+    np.testing.assert_allclose(found.value, [[0, 0, 0], [111.13, 0, 10]], atol=0.01)
+
+
+class Odometer(nj.GnssVelocity):
+    """Of another kind."""
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda: nj.read_imu(TABLE), r"The unit of gyro_x is not stated: give units=\{\"gyro\": ...\}"),
+        (lambda: nj.read_imu(TABLE, units={"gyro": "rad/s"}), "unit of accel_x is not stated"),
+        (lambda: nj.read_imu(TABLE, units={**SI, "baro": "m"}), "these are gyro, accel, baro"),
+        (lambda: nj.read_imu(TABLE, units={**SI, "gyro": "m/s"}), "is one of rad_s, deg_s, deg_h, and is 'm/s'"),
+        (lambda: nj.read_imu(columns(("time", "gyro_x_deg_s", *NAMES[2:])), units=SI), "the source says deg_s"),
+        (lambda: nj.read_imu(TABLE[:, :6], units=SI), "there are 6, without names"),
+        (lambda: nj.read_imu(columns(("time", "wx", *NAMES[2:])), units=SI), "No column is found for gyro_x"),
+        (lambda: nj.read_imu(columns(), units=SI, columns={"yaw": 1}), "columns names yaw; the quantities are: time"),
+        (lambda: nj.read_imu({**columns(), "acc_x": TIME}, units=SI), "Both 'accel_x' and 'acc_x' may be"),
+        (lambda: nj.read_imu(TABLE[[0, 1, 4, 5]], units=SI), "Samples are missing there"),
+        (lambda: nj.read_imu(TABLE[::-1], units=SI), "does not increase"),
+        (lambda: nj.read_imu(TABLE[:1], units=SI), "at least two are needed"),
+        (lambda: nj.read_imu({**columns(), "time": TIME.astype("M8[s]")}, units=SI), "no common zero"),
+        (lambda: nj.read_fixes(TABLE, GNSS), "The columns are time, north, east, down, and there are 7"),
+        (lambda: nj.read_fixes(TABLE[:, :2] * np.nan, BARO), "holds 20 values that are NaN"),
+        (lambda: nj.read_fixes(TABLE, Odometer(1.0, horizontal=1.0, vertical=1.0)), "and this is Odometer"),
+        (
+            lambda: nj.read_fixes(TABLE[:, :2], nj.Barometer(1.0, height=1.0, outages=[(0, 9)])),
+            "barometer has no fix: leave it out",
+        ),
+    ],
+)
+def test_refusals(call, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        call()
+
+
+def test_errors_name_the_file(tmp_path):
+    (tmp_path / "a.csv").write_text("time,north\n1,2\n")
+    with pytest.raises(ValueError, match=r"a\.csv: No column is found for east, down"):
+        nj.read_fixes(tmp_path / "a.csv", GNSS)
+    with pytest.raises(FileNotFoundError, match="no file"):
+        nj.read_imu(tmp_path / "b.csv")
