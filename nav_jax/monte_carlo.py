@@ -184,7 +184,7 @@ def compare(
     runs = {}
     for name, f in filters.items():
         tracks = _tracks(setup, truth, f, key, keeps, shared[name])
-        runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks)
+        runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
     return Comparison(setup.reference, runs, truth=repr(truth))
 
 
@@ -314,11 +314,15 @@ class _Collected:
         count: int,
         num_requested: int,
         tracks: dict[int, Track],
+        *,
+        smooth: bool,
     ) -> Runs:
         """The result of the first `count` runs."""
         states = {s.channel for s in believed.bank().states}
         dof = {"position": 3, "velocity": 3, "attitude": 3, "pose": 6, "navigation": 9, "sensors": len(states)}
         notes = list(believed.notes())
+        if smooth:
+            notes.append("Errors are those of the smoother, from all measurements of a run; innovations the filter's.")
         error, sd = self.error[:count], self.sd[:count]
         if isinstance(truth, RecordedErrors):
             error[..., 9:], sd[..., 9:] = 0.0, 0.0

@@ -104,6 +104,7 @@ def test_it_is_consistent_and_better(gains):
     }
     plain = nj.monte_carlo(REFERENCE, ERRORS, **options)
     smooth = nj.monte_carlo(REFERENCE, ERRORS, smooth=True, **options)
+    assert [n.startswith("Errors are those of the smoother") for n in smooth.notes] == [True]
     for group, dof in smooth.dof.items():
         nees = smooth.nees[group]
         z = (nees.mean(axis=0) - dof) / (nees.std(axis=0, ddof=1) / np.sqrt(300))
