@@ -96,11 +96,11 @@ def test_both_routes_and_theory_agree(fit, boot):
 
 @pytest.mark.slow
 def test_intervals_cover_and_the_test_has_its_size():
-    """120 data sets: 90 % intervals of each kind hold the truth, p below 10 % in 10 %, within 4.5 binomial sigmas.
+    """200 data sets: 90 % intervals of each kind hold the truth, p below 10 % in 10 %, within 4.5 binomial sigmas.
 
     The data sets are wavelet variances drawn from theory under the truth; records are compared in another test.
     """
-    num, level = 120, 0.9
+    num, level = 200, 0.9
     exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
     first = gj.fit(exact, "WN + GM", omega="two-step")
     true = replace(first, model=TRUTH)

@@ -272,20 +272,20 @@ def test_quantities_are_functions_of_the_model():
 
 @pytest.mark.slow
 def test_the_mtig_model_at_a_million_samples():
-    """50 records of 10^6 samples of the MTi-G's gyro X (RW + 2 GM): coverage of every parameter in 90 to 98 %.
+    """100 records of 10^6 samples of the MTi-G's gyro X (RW + 2 GM): coverage of every parameter in 90 to 98 %.
 
-    Below 90 % only beyond what 50 draws can show: the band is widened by 2 binomial sigmas, 6.2 %. Benchmarks have
+    Below 90 % only beyond what 100 draws can show: the band is widened by 2 binomial sigmas, 4.4 %. Benchmarks have
     the table for 200 records.
     """
     truth = gj.datasets.sensor_models("mti-g")["gyro_x"]
-    keys = jax.random.split(jax.random.key(7), 50)
+    keys = jax.random.split(jax.random.key(7), 100)
     fits = []
-    for start in range(0, 50, 25):
-        x = np.column_stack([np.asarray(gj.simulate(truth, 1_000_000, key=k)) for k in keys[start : start + 25]])
+    for start in range(0, 100, 50):
+        x = np.column_stack([np.asarray(gj.simulate(truth, 1_000_000, key=k)) for k in keys[start : start + 50]])
         fits += list(gj.fit(gj.wavelet_variance(x, rate=100.0), "RW + 2*GM", throw=False).values())
     expected = [float(v) for p in truth.processes for v in p.values]
     assert all(f.status is Status.converged for f in fits)
     covered = np.mean(
         [[e.ci_low <= t <= e.ci_high for e, t in zip(f.parameters(), expected, strict=True)] for f in fits], axis=0
     )
-    assert np.all(covered >= 0.90 - 0.062), covered
+    assert np.all(covered >= 0.90 - 0.044), covered

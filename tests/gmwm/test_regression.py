@@ -145,10 +145,8 @@ def test_coefficients_and_errors_are_those_of_the_fitted_noise(missing, key):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "missing"),
-    [("WN(sigma2=1.0) + GM(beta=0.05, variance=1.0)", 0.0), ("WN(sigma2=1.0) + RW(gamma2=0.01)", 0.15)],
-)
+@pytest.mark.parametrize("model", ["WN(sigma2=1.0) + GM(beta=0.05, variance=1.0)", "WN(sigma2=1.0) + RW(gamma2=0.01)"])
+@pytest.mark.parametrize("missing", [0.0, 0.15])
 def test_bias_and_coverage(model, missing, key):
     """Intervals of 95 % cover; those of ordinary least squares that takes the noise as white do not.
 

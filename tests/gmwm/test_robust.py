@@ -212,20 +212,20 @@ def test_against_r(shared):
 @pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.6, 0.9])
 def test_efficiency_on_clean_data(efficiency):
-    """Independent coefficients (span 2 of a random walk): Var classic / Var robust within 3 standard errors, no bias.
+    """Independent coefficients (span 2 of a random walk): Var classic / Var robust within 2 %, no bias.
 
-    Those of the ratio are sqrt(4 (1 - efficiency) / 10000), 1.3 % and 0.6 %; the benchmark takes ten times as many.
+    24,000 records: the standard error of the ratio is sqrt(4 (1 - efficiency) / 24000), 0.8 % and 0.4 %.
     """
     rng, num = np.random.default_rng(20261121), 1000
     draws = []
-    for _ in range(10_000):
+    for _ in range(24_000):
         e = rng.standard_normal(num - 1)
         walk = np.concatenate([[0.0], np.cumsum(2 * e)])
         draws.append([np.mean(e**2), robust_wavelet_variance(walk, 1, efficiency=efficiency)[0]])
     draws = np.array(draws)
     seen = np.var(draws[:, 0]) / np.var(draws[:, 1])
-    assert seen == pytest.approx(efficiency, rel=3 * np.sqrt(4 * (1 - efficiency) / 10_000))
-    # bias of order 1/N, and the scatter of the mean, 6e-4
+    assert seen == pytest.approx(efficiency, rel=0.02)
+    # bias of order 1/N, and the scatter of the mean, 4e-4
     assert np.mean(draws[:, 1]) == pytest.approx(1.0, abs=4e-3)
 
 
@@ -268,9 +268,9 @@ def test_intervals_have_the_classic_form():
 @pytest.mark.slow
 @pytest.mark.parametrize("model", [gj.WN(1.0), gj.RW(1.0), gj.GM(0.05, 1.0)], ids=repr)
 def test_covariance_and_coverage(model):
-    """400 records of 8192 samples: scatter as the theory says, and intervals that cover.
+    """600 records of 8192 samples: scatter as the theory says, and intervals that cover.
 
-    Standard errors: a standard deviation 3.5 %, a correlation 5 %, a coverage of 95 % 1.1 %. The theory is of first
+    Standard errors: a standard deviation 2.9 %, a correlation 4.1 %, a coverage of 95 % 0.9 %. The theory is of first
     order and holds where a scale has 64 degrees of freedom; the intervals, as the classic ones, cover 95 % or more
     everywhere.
     """
@@ -278,7 +278,7 @@ def test_covariance_and_coverage(model):
     composite = gj.parse_model(model.kind)
     composite = type(composite)((model,))
     draws = []
-    for i in range(400):
+    for i in range(600):
         x = np.asarray(gj.simulate(composite, num, key=jax.random.key(i)))
         draws.append(robust_wavelet_variance(x, J))
     draws = np.array(draws) / np.asarray(composite.wavelet_variance(2.0 ** np.arange(1, J + 1)))
@@ -286,12 +286,12 @@ def test_covariance_and_coverage(model):
     error = np.sqrt(np.diag(V))
     nu = np.asarray(composite.wavelet_variance(2.0 ** np.arange(1, J + 1)))
     many = degrees_of_freedom(num, J) >= 64
-    np.testing.assert_allclose(np.std(draws, axis=0)[many], (error / nu)[many], rtol=4 * 0.035)
+    np.testing.assert_allclose(np.std(draws, axis=0)[many], (error / nu)[many], rtol=4 * 0.029)
     correlation = np.corrcoef(draws.T)[np.ix_(many, many)]
-    np.testing.assert_allclose(correlation, (V / np.outer(error, error))[np.ix_(many, many)], atol=4.5 * 0.05)
+    np.testing.assert_allclose(correlation, (V / np.outer(error, error))[np.ix_(many, many)], atol=4.5 * 0.041)
     low, high = interval_factors(degrees_of_freedom(num, J) / widening(0.6, J))
     coverage = np.mean((draws * low <= 1) & (draws * high >= 1), axis=0)
-    assert np.all(coverage > 0.95 - 3 * 0.011)
+    assert np.all(coverage > 0.95 - 3 * 0.009)
 
 
 # -- outliers --------------------------------------------------------------------------------------------------------

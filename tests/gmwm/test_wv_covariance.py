@@ -170,18 +170,16 @@ def test_large_records_approach_the_chi_square_of_few_degrees():
     assert covariance[0, 0] / 0.25 * 1_000_000 == pytest.approx(3.0, rel=1e-5)
 
 
-@pytest.mark.parametrize("case", [row for row in derivative_rows(ergodic=True) if row.id in ("AR1", "MAT32", "FGN")])
+@pytest.mark.parametrize("case", [row for row in derivative_rows(ergodic=True) if row.id != "MA(1)"])
 def test_gradient_forward_reverse_and_numerical(case):
-    """Finite at every parameter set, equal both ways, and the difference quotient of the covariance.
-
-    One process of each kind of formula: the derivatives of each process itself are tested with the process.
-    """
+    """Finite at every parameter set, equal both ways, and the difference quotient of the covariance."""
 
     def covariance(v):
         return wv_covariance(Composite((case.cls(*v),)), 300)
 
     forward, reverse = jax.jit(jax.jacfwd(covariance)), jax.jit(jax.jacrev(covariance))
-    for values in case.parameters:
+    # those of AR(2) near a unit root leave no room for difference quotients, and FLK is slow
+    for values in case.parameters[:1] if case.cls.kind in ("AR(2)", "FLK") else case.parameters:
         v = jnp.asarray(values)
         f, r = np.asarray(forward(v)), np.asarray(reverse(v))
         assert np.all(np.isfinite(f)), values

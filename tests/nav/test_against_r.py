@@ -38,7 +38,6 @@ def ours():
         num_runs=NUM_RUNS,
         key=jax.random.key(7),
         every=10,
-        gains="reference",
         earth=nj.FlatEarth(setups.GRAVITY),
     )
 
