@@ -14,7 +14,7 @@ from nav_jax._table import format_table, number
 from nav_jax._typing import Real
 from nav_jax.components import BLOCKS, GROUPS, UNITS, block_columns
 from nav_jax.earth import FlatEarth
-from nav_jax.epochs import judged_epoch, outage_intervals
+from nav_jax.epochs import Judged
 from nav_jax.experiment import Setup, check_rates
 from nav_jax.initial import InitialUncertainty
 from nav_jax.layout import CHANNELS
@@ -38,7 +38,7 @@ _SINGULAR = 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Covariances:
+class Covariances(Judged):
     """True and claimed covariance of one filter along a reference.
 
     Attributes
@@ -73,15 +73,6 @@ class Covariances:
     innovation_claimed: Mapping[str, Float64[np.ndarray, "_ _"]] = field(default_factory=dict)
     outages: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-
-    def epoch(self, at: float | None = None) -> int:
-        """Number of the epoch at which filters are judged, see `nav_jax.epochs.judged_epoch`."""
-        return judged_epoch(self.time, self.outages, self.fixes, at)
-
-    @property
-    def outage_intervals(self) -> tuple[tuple[float, float], ...]:
-        """Of all sensors, each interval once, by start."""
-        return outage_intervals(self.outages)
 
     @cached_property
     def sd(self) -> Float64[np.ndarray, "E 15"]:

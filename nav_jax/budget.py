@@ -19,7 +19,7 @@ from nav_jax._table import format_table, number
 from nav_jax._typing import Real
 from nav_jax.analysis import make_setup
 from nav_jax.earth import FlatEarth
-from nav_jax.epochs import judged_epoch, outage_intervals
+from nav_jax.epochs import Judged
 from nav_jax.experiment import Experiment
 from nav_jax.initial import InitialUncertainty
 from nav_jax.lincov import Noise, covariances_along, motion_of, noise_of
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Budget:
+class Budget(Judged):
     """Mean squares of a filter's errors, by source.
 
     Attributes
@@ -55,15 +55,6 @@ class Budget:
     part: Float64[np.ndarray, "S E 9"]
     outages: dict[str, tuple[tuple[float, float], ...]]
     fixes: dict[str, Float64[np.ndarray, " _"]]
-
-    def epoch(self, at: float | None = None) -> int:
-        """Number of the epoch at which filters are judged, see `nav_jax.epochs.judged_epoch`."""
-        return judged_epoch(self.time, self.outages, self.fixes, at)
-
-    @property
-    def outage_intervals(self) -> tuple[tuple[float, float], ...]:
-        """Of all sensors, each interval once, by start."""
-        return outage_intervals(self.outages)
 
     def mean_square(self, quantity: str) -> Float64[np.ndarray, "S E"]:
         """Of one of `nav_jax.sensitivities.QUANTITIES`, by source, SI."""

@@ -20,7 +20,7 @@ from nav_jax._table import format_table, number
 from nav_jax._typing import Real
 from nav_jax.analysis import make_setup
 from nav_jax.earth import FlatEarth
-from nav_jax.epochs import judged_epoch, outage_intervals
+from nav_jax.epochs import Judged
 from nav_jax.initial import InitialUncertainty
 from nav_jax.linalg import root
 from nav_jax.lincov import covariances_along, motion_of, noise_of
@@ -38,7 +38,7 @@ _AT_ONCE = 16
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CalibrationEffect:
+class CalibrationEffect(Judged):
     """What the uncertainty of noise parameters does to navigation.
 
     Attributes
@@ -64,15 +64,6 @@ class CalibrationEffect:
     delta_sd: dict[str, Float64[np.ndarray, " E"]]
     outages: dict[str, tuple[tuple[float, float], ...]]
     fixes: dict[str, Float64[np.ndarray, " _"]]
-
-    def epoch(self, at: float | None = None) -> int:
-        """Number of the epoch at which filters are judged, see `nav_jax.epochs.judged_epoch`."""
-        return judged_epoch(self.time, self.outages, self.fixes, at)
-
-    @property
-    def outage_intervals(self) -> tuple[tuple[float, float], ...]:
-        """Of all sensors, each interval once, by start."""
-        return outage_intervals(self.outages)
 
     def interval(self, quantity: str, level: float = 0.95) -> Float64[np.ndarray, "2 E"]:
         """Interval of the RMS error: quantiles over the draws."""

@@ -53,6 +53,23 @@ def judged_epoch(
     return int(before[-1]) if len(before) else len(time) - 1
 
 
+class Judged:
+    """What results over time share that are judged at one epoch."""
+
+    time: Float64[np.ndarray, " E"]
+    outages: Outages
+    fixes: Mapping[str, Float64[np.ndarray, " _"]]
+
+    def epoch(self, at: float | None = None) -> int:
+        """Number of the epoch at which filters are judged, see `judged_epoch`."""
+        return judged_epoch(self.time, self.outages, self.fixes, at)
+
+    @property
+    def outage_intervals(self) -> tuple[tuple[float, float], ...]:
+        """Of all sensors, each interval once, by start."""
+        return outage_intervals(self.outages)
+
+
 def _next_fixes(over: float, outages: Outages, fix_times: Mapping[str, np.ndarray]) -> Iterable[float]:
     """The first fix of each sensor whose outage ends then."""
     for sensor, times in fix_times.items():

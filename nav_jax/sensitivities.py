@@ -19,7 +19,7 @@ from nav_jax._table import format_table, number
 from nav_jax._typing import Real
 from nav_jax.analysis import make_setup
 from nav_jax.earth import FlatEarth
-from nav_jax.epochs import judged_epoch, outage_intervals
+from nav_jax.epochs import Judged
 from nav_jax.experiment import Experiment
 from nav_jax.initial import InitialUncertainty
 from nav_jax.linalg import root
@@ -47,7 +47,7 @@ STARTS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6,
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities:
+class Sensitivities(Judged):
     """Derivatives of RMS errors by parameters.
 
     Attributes
@@ -72,15 +72,6 @@ class Sensitivities:
     derivative: dict[str, Float64[np.ndarray, "E P"]]
     outages: dict[str, tuple[tuple[float, float], ...]]
     fixes: dict[str, Float64[np.ndarray, " _"]]
-
-    def epoch(self, at: float | None = None) -> int:
-        """Number of the epoch at which filters are judged, see `nav_jax.epochs.judged_epoch`."""
-        return judged_epoch(self.time, self.outages, self.fixes, at)
-
-    @property
-    def outage_intervals(self) -> tuple[tuple[float, float], ...]:
-        """Of all sensors, each interval once, by start."""
-        return outage_intervals(self.outages)
 
     def elasticity(self, quantity: str) -> Float64[np.ndarray, "E P"]:
         """Relative change of an RMS by a relative change of each parameter."""

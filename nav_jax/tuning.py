@@ -185,7 +185,7 @@ def tune(
     about = _About(record, model, penalty)
     start = np.asarray(model.start)
     begin = about(start)
-    if not np.isfinite(begin.loss) or not np.isfinite(begin.information).all():
+    if not np.isfinite(begin.loss):
         raise ValueError("The filter fails at the start: look at the record with navigate first.")
     sought = observable_parameters(begin.information, [i for i in range(size) if names[i] not in hold])
     if not sought:
