@@ -7,6 +7,7 @@ import numpy as np
 
 from nav_jax._check import real_array
 from nav_jax._columns import Columns, plain
+from nav_jax.earth import STANDARD_GRAVITY
 
 POSITION = {"ned": ("north", "east", "down"), "geodetic": ("latitude", "longitude", "height")}
 ATTITUDE = ("roll", "pitch", "yaw")
@@ -34,7 +35,6 @@ _ALIASES = {
 }
 """Quantity -> plain names by which it is known, without the unit."""
 
-_G = 9.80665
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 _ANGLES = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "deg": np.pi / 180, "degree": np.pi / 180, "degrees": np.pi / 180}
 _ANGLES |= {"degrees_north": np.pi / 180, "degrees_east": np.pi / 180}
@@ -44,7 +44,7 @@ _UNITS = {
     **{name: {"m": 1.0, "km": 1e3} for name in (*POSITION["ned"], "height")},
     **{name: {"m_s": 1.0, "mps": 1.0, "m_s_1": 1.0, "km_h": 1 / 3.6} for name in VELOCITY},
     **{name: {"rad_s": 1.0, "deg_s": np.pi / 180, "deg_h": np.pi / 180 / 3600} for name in GYRO},
-    **{name: {"m_s_2": 1.0, "m_s2": 1.0, "g": _G, "mg": 1e-3 * _G} for name in ACCEL},
+    **{name: {"m_s_2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY} for name in ACCEL},
 }
 """Quantity -> unit as it follows a name (``yaw_deg``), or as an attribute of xarray made plain -> factor to SI."""
 
