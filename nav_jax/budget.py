@@ -22,10 +22,11 @@ from nav_jax.earth import FlatEarth
 from nav_jax.epochs import Judged
 from nav_jax.experiment import Experiment
 from nav_jax.initial import InitialUncertainty
-from nav_jax.lincov import Noise, covariances_along, motion_of, noise_of
+from nav_jax.lincov import Noise, covariances_of_many, motion_of, noise_of
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
 from nav_jax.parameters import shared_channels
+from nav_jax.sensor_bank import alone
 from nav_jax.sensitivities import QUANTITIES, STARTS
 from nav_jax.trajectory import Trajectory
 
@@ -140,15 +141,15 @@ def error_budget(
     weights = jax.tree.map(lambda *a: jnp.stack(a), *sources.values())
 
     @jax.jit
-    @jax.vmap
-    def part(w: _Weights) -> Array:
-        N = covariances_along(experiment, motion, _only(noise, w), ours, experiment.initial).true.navigation[at]
-        return jnp.diagonal(N, axis1=1, axis2=2)
+    def parts(weights: _Weights) -> Array:
+        noises = jax.vmap(lambda w: _only(noise, w))(weights)
+        N = covariances_of_many(experiment, motion, noises, alone(ours), experiment.initial).true.navigation[:, at]
+        return jnp.diagonal(N, axis1=2, axis2=3)
 
     return Budget(
         setup.output_times,
         tuple(sources),
-        np.asarray(part(weights)),
+        np.asarray(parts(weights)),
         setup.outages,
         dict(zip((s.name for s in setup.aiding), setup.fix_times, strict=True)),
     )

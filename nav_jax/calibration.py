@@ -23,7 +23,7 @@ from nav_jax.earth import FlatEarth
 from nav_jax.epochs import Judged
 from nav_jax.initial import InitialUncertainty
 from nav_jax.linalg import root
-from nav_jax.lincov import covariances_along, motion_of, noise_of
+from nav_jax.lincov import covariances_of_many, motion_of, noise_of
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
 from nav_jax.parameters import ErrorLines
@@ -152,17 +152,22 @@ def calibration_effect(
     motion, start = motion_of(experiment), experiment.initial
 
     def rms(true: Array, believed: Array) -> Array:
-        noise, bank = noise_of(experiment, lines.build(true)), lines.build(believed).bank()
-        N = covariances_along(experiment, motion, noise, bank, start).true.navigation[at]
-        variance = jnp.diagonal(N, axis1=1, axis2=2)
-        return jnp.stack([root(variance[:, jnp.array(c)].sum(axis=1)) for c, _, _ in QUANTITIES.values()])
+        """Of vectors of truths and of filters, or of one of either."""
+        noises = jax.vmap(lambda x: noise_of(experiment, lines.build(x)))(true)
+        banks = jax.vmap(lambda x: lines.build(x).bank())(believed)
+        N = covariances_of_many(experiment, motion, noises, banks, start).true.navigation[:, at]
+        variance = jnp.diagonal(N, axis1=2, axis2=3)
+        return jnp.stack([root(variance[:, :, jnp.array(c)].sum(axis=2)) for c, _, _ in QUANTITIES.values()], axis=1)
 
     @jax.jit
     def both(true: Array) -> tuple[Array, Array]:
-        return jax.vmap(lambda t: rms(t, lines.start))(true), jax.vmap(lambda t: rms(t, t))(true)
+        return rms(true, lines.start[None]), rms(true, true)
 
-    at_estimate = np.asarray(jax.jit(rms)(lines.start, lines.start))
-    slope = np.asarray(jax.jit(jax.jacfwd(rms))(lines.start, lines.start))
+    def of_truth(true: Array) -> tuple[Array, Array]:
+        found = rms(true[None], lines.start[None])[0]
+        return found, found
+
+    slope, at_estimate = map(np.asarray, jax.jit(jax.jacfwd(of_truth, has_aux=True))(lines.start))
     filled = np.concatenate([draws, np.repeat(draws[-1:], -len(draws) % _AT_ONCE, axis=0)])
     parts = [both(jnp.asarray(filled[i : i + _AT_ONCE])) for i in range(0, len(filled), _AT_ONCE)]
     used, best = (np.concatenate([np.asarray(p[i]) for p in parts])[: len(draws)] for i in range(2))

@@ -91,9 +91,7 @@ def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
 
     # C diag(r) C' of the noise in y; half of it enters before the step, half after (Strang), which is exact in v and
     # psi and to T^2 in what they do to each other and to p
-    half_a, half_g = (
-        matmul3(C * r[None, :, None], transpose(C)) / 2 for r in (noise.integrated[:3], noise.integrated[3:])
-    )
+    half_a, half_g = (matmul3(C * r[None], transpose(C)) / 2 for r in (noise.integrated[:3], noise.integrated[3:]))
 
     def add_half(N: Array) -> Array:
         return N.at[3:6, 3:6].add(half_a).at[6:9, 6:9].add(half_g)
@@ -104,5 +102,5 @@ def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
     S = noise.carry(U)
     if noise.several:
         N = N.at[:3, :3].add(2 * noise.second_integral * half_a)
-        S = S + step.G(noise.cross[:, :, None])
+        S = S + step.G(noise.cross)
     return Covariance(N, S, noise.advance(P.sensors))

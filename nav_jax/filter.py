@@ -17,7 +17,7 @@ from nav_jax.emulation import AbstractErrors
 from nav_jax.error_model import blocks, full, propagate, transition
 from nav_jax.judge import Claim, Judgement, Truth, claim, judge
 from nav_jax.measurements._base import AbstractAiding
-from nav_jax.sensor_bank import SensorBank, step_noise
+from nav_jax.sensor_bank import SensorBank, alone, step_noises
 from nav_jax.status import Status
 
 
@@ -114,7 +114,8 @@ def run_estimate(
         Keep what a smoother wants.
     """
     H, variance = stacked(sensors)
-    kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
+    alike = alone(bank)
+    kinds = step_noises(alike, timeline.dt, timeline.ends)
     one = _identity(P_start, inputs.start.p.shape[1]) if remember else None
 
     def step(carry, given):
@@ -135,7 +136,7 @@ def run_estimate(
         c, innovation = correction(done.gain, z - _predict(sensors, state), H)
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
-        judgement = judge(state, claim(P, bank), bank, at.truth, inputs.errors.lasting(noise, own))
+        judgement = judge(state, claim(P, alike), bank, at.truth, inputs.errors.lasting(noise, own))
         memory = None if Phi is None else Memory(full(P), done.gain, Phi)
         return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory)
 
@@ -167,7 +168,8 @@ def reference_gains(
         The reference at the start, one run, with sensor states of zero.
     """
     H, variance = stacked(sensors)
-    kinds = jax.vmap(lambda dt, ends: step_noise(bank, dt, ends))(timeline.dt, timeline.ends)
+    alike = alone(bank)
+    kinds = step_noises(alike, timeline.dt, timeline.ends)
     one = _identity(P_start, 1) if remember else None
 
     def step(carry, given):
@@ -185,7 +187,7 @@ def reference_gains(
         whole, done = update(full(P), H, variance, at.valid)
         P = blocks(whole)
         memory = None if Phi is None else Memory(whole, done.gain, Phi)
-        return (state, P, one), Gains(done, claim(P, bank), memory)
+        return (state, P, one), Gains(done, claim(P, alike), memory)
 
     carry = (start, blocks(P_start[:, :, None]), one)
     events = _Event(timeline.truth, timeline.valid)

@@ -38,10 +38,11 @@ class Judgement(NamedTuple):
     """Of position, velocity, attitude, pose, navigation, sensors; NaN where the covariance is singular."""
 
 
-def claim(P: Covariance, bank: SensorBank) -> Claim:
-    """Marginal covariances that a filter claims."""
-    rows = by_channel(bank.channels, bank.readout, P.sensors)
-    return Claim(P.navigation, by_channel(bank.channels, bank.readout, transpose(rows)))
+def claim(P: Covariance, banks: SensorBank) -> Claim:
+    """Marginal covariances that filters claim; `banks` has a leading axis, of 1 where runs share it."""
+    h = banks.readout.T[:, None]
+    rows = by_channel(banks.channels, h * P.sensors)
+    return Claim(P.navigation, by_channel(banks.channels, h * transpose(rows)))
 
 
 def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting: Float[Array, "6 R"]) -> Judgement:

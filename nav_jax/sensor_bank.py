@@ -11,7 +11,7 @@ noise has the density r/f, also over a part of a sample (where a fix lies betwee
 
 from functools import cache
 from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -47,7 +47,7 @@ class SensorBank(eqx.Module):
 
     def errors(self, x: Float[Array, "M *R"]) -> Float[Array, "6 *R"]:
         """The error of each channel without its white part."""
-        return by_channel(self.channels, self.readout, x)
+        return by_channel(self.channels, self.readout.reshape(-1, *(1,) * (x.ndim - 1)) * x)
 
     def advance(self, x: Float[Array, "M R"], ends: Float[Array, ""]) -> Float[Array, "M R"]:
         """Phi x where a sample ends (1), x where it does not (0)."""
@@ -58,20 +58,20 @@ class SensorBank(eqx.Module):
 
 
 class StepNoise(eqx.Module):
-    """What a covariance step needs of the sensor errors; see the head of this file for y."""
+    """What a covariance step needs of Q banks, 1 or as many as runs; see the head of this file for y."""
 
     duration: Float[Array, ""]
     inverse_duration: Float[Array, ""]
     """0 for an empty step."""
-    transition: Float[Array, "*M"]
+    transition: Float[Array, "*M Q"]
     """Phi over the step: its diagonal where `diagonal`."""
-    weights: Float[Array, " M"]
+    weights: Float[Array, "M Q"]
     """Of the states in y."""
-    integrated: Float[Array, "6"]
+    integrated: Float[Array, "6 Q"]
     """Variance of the noise in y."""
-    cross: Float[Array, "6 M"]
+    cross: Float[Array, "6 M Q"]
     """Covariance of the noise in y with that in x."""
-    driving: Float[Array, "M M"]
+    driving: Float[Array, "M M Q"]
     """Covariance of the noise in x."""
     second_integral: Float[Array, ""]
     """Variance of the second integral of white noise over that of the first, less T^2/2: negative."""
@@ -82,25 +82,25 @@ class StepNoise(eqx.Module):
 
     def integrate(self, X: Float[Array, "M K R"]) -> Float[Array, "6 K R"]:
         """Weighted sum over the states of each channel."""
-        return by_channel(self.channels, self.weights, X)
+        return by_channel(self.channels, self.weights[:, None] * X)
 
     def carry(self, S: Float[Array, "J M R"]) -> Float[Array, "J M R"]:
         """S Phi'."""
         if self.diagonal:
-            return S * self.transition[None, :, None]
-        return jnp.einsum("jmr,km->jkr", S, self.transition)
+            return S * self.transition[None]
+        return jnp.einsum("jmr,kmr->jkr", S, self.transition)
 
     def advance(self, B: Float[Array, "M M R"]) -> Float[Array, "M M R"]:
         """Phi B Phi' + Q."""
-        driving = self.driving[:, :, None]
+        Phi = self.transition
         if self.diagonal:
-            return B * (self.transition[:, None] * self.transition[None, :])[:, :, None] + driving
-        return jnp.einsum("im,mnr,jn->ijr", self.transition, B, self.transition) + driving
+            return B * (Phi[:, None] * Phi[None]) + self.driving
+        return jnp.einsum("imr,mnr,jnr->ijr", Phi, B, Phi) + self.driving
 
 
-def by_channel(channels: tuple[int, ...], weights: Float[Array, " M"], X: Float[Array, "M *K"]) -> Float[Array, "6 *K"]:
-    """Sum of weights times X over the states of each channel; 0 for a channel without state."""
-    X, rest = weights.reshape(-1, *(1,) * (X.ndim - 1)) * X, X.shape[1:]
+def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"]) -> Float[Array, "6 *K"]:
+    """Sum over the states of each channel; 0 for a channel without state."""
+    rest = X.shape[1:]
     total = jnp.zeros((len(CHANNELS), *rest), X.dtype)
     for run in _runs(channels):
         # channels with as many states each, one after the other: one slice, whose gradient is one padded array
@@ -133,18 +133,41 @@ def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
     return tuple(r for r in runs if r.first >= 0)
 
 
-def step_noise(bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> StepNoise:
+def alone(bank: Any) -> Any:
+    """One bank (or anything else) as many of which there is one: arrays with a leading axis of 1."""
+    return jax.tree.map(lambda a: a[None], bank)
+
+
+def step_noises(banks: SensorBank, dt: Float[Array, "U n"], ends: Float[Array, "U n"]) -> StepNoise:
+    """What each kind of covariance step does, see `step_noise`; arrays (U, ..., Q)."""
+    return jax.vmap(lambda dt, ends: step_noise(banks, dt, ends))(dt, ends)
+
+
+def step_noise(banks: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> StepNoise:
     """Accumulate a covariance step.
 
     Parameters
     ----------
-    bank
-        The states.
+    banks
+        Q of them: arrays with a leading axis.
     dt
         Length in s of each piece of the step; 0 for a piece that pads.
     ends
         1 where the piece ends its IMU sample and the error goes on to the next, 0 where it does not.
     """
+    T = jnp.sum(dt)
+    inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
+    # a pulse at s moves the position by T - s: its mean square
+    middle = jnp.cumsum(dt) - dt / 2
+    spread = jnp.sum(dt * (T - middle) ** 2) * inverse - T**2 / 2
+    parts = jax.vmap(lambda bank: _accumulate(bank, dt, ends), out_axes=-1)(banks)
+    return StepNoise(
+        T, inverse, *parts, spread, channels=banks.channels, diagonal=banks.diagonal, several=len(dt) > 1
+    )  # fmt: skip
+
+
+def _accumulate(bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> tuple[Array, ...]:
+    """From `transition` to `driving` of `StepNoise`, of one bank."""
     size = len(bank.states)
     select = jnp.asarray(np.equal.outer(np.arange(len(CHANNELS)), np.array(bank.channels, dtype=int)).astype(float))
     h = bank.readout
@@ -163,21 +186,4 @@ def step_noise(bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"
     zero, none = jnp.zeros(size), jnp.zeros((size, size))
     start = (h, jnp.eye(size), zero, jnp.zeros(len(CHANNELS)), zero, none)
     (_, phi, weights, V_yy, V_yx, V_xx), _ = jax.lax.scan(piece, start, (dt, ends))
-    T = jnp.sum(dt)
-    inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
-    # a pulse at s moves the position by T - s: its mean square
-    middle = jnp.cumsum(dt) - dt / 2
-    spread = jnp.sum(dt * (T - middle) ** 2) * inverse - T**2 / 2
-    return StepNoise(
-        T,
-        inverse,
-        jnp.diag(phi) if bank.diagonal else phi,
-        weights,
-        V_yy,
-        select * V_yx[None, :],
-        V_xx,
-        spread,
-        channels=bank.channels,
-        diagonal=bank.diagonal,
-        several=len(dt) > 1,
-    )
+    return jnp.diag(phi) if bank.diagonal else phi, weights, V_yy, select * V_yx[None, :], V_xx

@@ -20,7 +20,7 @@ from nav_jax.error_model import blocks
 from nav_jax.filter import Memory, Outcome, Sensors, Timeline, stacked
 from nav_jax.judge import Truth, claim, judge
 from nav_jax.linalg import symmetrise
-from nav_jax.sensor_bank import SensorBank
+from nav_jax.sensor_bank import SensorBank, alone
 
 
 def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Outcome) -> Outcome:
@@ -38,7 +38,7 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
     lasting = jax.vmap(bank.errors)(outcome.state.x) - outcome.judgement.error[:, 9:]
 
     def one(state: NavState, P: Array, truth: Truth, lasting: Array):
-        return judge(state, claim(blocks(P), bank), bank, truth, lasting)
+        return judge(state, claim(blocks(P), alone(bank)), bank, truth, lasting)
 
     judgement = jax.vmap(one)(state, P, timeline.truth, lasting)
     return outcome._replace(judgement=judgement, state=state, memory=memory._replace(P=P))

@@ -14,7 +14,7 @@ import nav_jax as nj
 from nav_jax.ekf import NavState, mechanise, mechanise_with_motion
 from nav_jax.error_model import blocks, full, propagate
 from nav_jax.rotation import quat_conjugate, quat_from_rotvec, quat_multiply, quat_to_rotvec
-from nav_jax.sensor_bank import step_noise
+from nav_jax.sensor_bank import alone, step_noise
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -60,7 +60,7 @@ def difference(one, two):
 
 
 def step_of(n):
-    return step_noise(BANK, jnp.full(n, DT), jnp.ones(n))
+    return step_noise(alone(BANK), jnp.full(n, DT), jnp.ones(n))
 
 
 @jax.jit
@@ -219,7 +219,9 @@ def test_step_is_that_of_van_loan_in_r(shared):
     P = np.zeros((n, n, n + 1))
     P[np.arange(n), np.arange(n), np.arange(n)] = 1.0
     along = jax.tree.map(lambda a: jnp.broadcast_to(a, (*a.shape[:-1], n + 1)), along)
-    out = np.asarray(jax.jit(lambda P: full(propagate(blocks(P), along, step_noise(bank, dt, one))))(jnp.asarray(P)))
+    out = np.asarray(
+        jax.jit(lambda P: full(propagate(blocks(P), along, step_noise(alone(bank), dt, one))))(jnp.asarray(P))
+    )
     Q = out[:, :, n]
     Phi = np.stack([(out[:, i, i] - Q[:, i]) / np.sqrt(out[i, i, i] - Q[i, i]) for i in range(n)], axis=1)
     after = Rotation.from_quat(np.asarray(end.q)[:, 0], scalar_first=True).as_euler("ZYX")[::-1]

@@ -6,7 +6,7 @@ import pytest
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax.sensor_bank import by_channel, step_noise
+from nav_jax.sensor_bank import alone, by_channel, step_noise
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -69,18 +69,18 @@ def test_a_step_is_what_its_samples_add_up_to(which, step):
     bank = bank_of(which)
     M = len(bank.states)
     dt, ends = (np.asarray(a, float) for a in STEPS[step])
-    noise = step_noise(bank, jnp.asarray(dt), jnp.asarray(ends))
+    noise = step_noise(alone(bank), jnp.asarray(dt), jnp.asarray(ends))
     y, x, R = written_out(bank, dt, ends)
     np.testing.assert_allclose(noise.duration, dt.sum(), rtol=1e-15)
     np.testing.assert_allclose(noise.inverse_duration, 1 / dt.sum() if dt.sum() else 0.0, rtol=1e-14)
     # from the states at the start
-    np.testing.assert_allclose(by_channel(bank.channels, noise.weights, jnp.eye(M)), y[:, :M], rtol=1e-12, atol=1e-16)
+    np.testing.assert_allclose(by_channel(bank.channels, noise.weights * jnp.eye(M)), y[:, :M], rtol=1e-12, atol=1e-16)
     carried = noise.carry(jnp.eye(M)[:, :, None])[:, :, 0].T
     np.testing.assert_allclose(carried, x[:, :M], rtol=1e-12, atol=1e-15)
     # from the noise
-    np.testing.assert_allclose(noise.integrated, np.diag(y @ R @ y.T), rtol=1e-11, atol=1e-22)
-    np.testing.assert_allclose(noise.cross, y @ R @ x.T, rtol=1e-11, atol=1e-20)
-    np.testing.assert_allclose(noise.driving, x @ R @ x.T, rtol=1e-11, atol=1e-20)
+    np.testing.assert_allclose(noise.integrated[..., 0], np.diag(y @ R @ y.T), rtol=1e-11, atol=1e-22)
+    np.testing.assert_allclose(noise.cross[..., 0], y @ R @ x.T, rtol=1e-11, atol=1e-20)
+    np.testing.assert_allclose(noise.driving[..., 0], x @ R @ x.T, rtol=1e-11, atol=1e-20)
     B = np.random.default_rng(2).normal(size=(M, M))
     advanced = noise.advance(jnp.asarray(B @ B.T)[:, :, None])[:, :, 0]
     np.testing.assert_allclose(advanced, x[:, :M] @ B @ B.T @ x[:, :M].T + x @ R @ x.T, rtol=1e-11, atol=1e-13)
@@ -88,7 +88,9 @@ def test_a_step_is_what_its_samples_add_up_to(which, step):
 
 def test_two_parts_of_a_sample_are_the_sample():
     bank = bank_of("Markov")
-    whole, part, rest = (step_noise(bank, *(jnp.asarray(a, float) for a in STEPS[s])) for s in ("one", "part", "rest"))
+    whole, part, rest = (
+        step_noise(alone(bank), *(jnp.asarray(a, float) for a in STEPS[s])) for s in ("one", "part", "rest")
+    )
     np.testing.assert_allclose(part.weights + rest.weights, whole.weights, rtol=1e-14)
     np.testing.assert_allclose(part.integrated + rest.integrated, whole.integrated, rtol=1e-14)
     np.testing.assert_allclose(part.transition * rest.transition, whole.transition, rtol=1e-14)
@@ -101,17 +103,17 @@ def test_second_integral_of_white_noise(n):
     bank = bank_of("white")
     T = n / RATE
     arms = T - (np.arange(n) + 0.5) / RATE
-    noise = step_noise(bank, jnp.full(n, 1 / RATE), jnp.ones(n))
+    noise = step_noise(alone(bank), jnp.full(n, 1 / RATE), jnp.ones(n))
     np.testing.assert_allclose(noise.second_integral, np.mean(arms**2) - T**2 / 2, rtol=1e-12)
 
 
 def test_channels_without_states_are_zero():
     X = np.random.default_rng(3).normal(size=(3, 2))
-    out = by_channel((1, 1, 4), jnp.array([1.0, 2.0, 3.0]), jnp.asarray(X))
+    out = by_channel((1, 1, 4), jnp.asarray([[1.0], [2.0], [3.0]] * X))
     expected = np.zeros((6, 2))
     expected[1], expected[4] = X[0] + 2 * X[1], 3 * X[2]
     np.testing.assert_allclose(out, expected, rtol=1e-15)
-    np.testing.assert_array_equal(by_channel((), jnp.zeros(0), jnp.zeros((0, 2))), np.zeros((6, 2)))
+    np.testing.assert_array_equal(by_channel((), jnp.zeros((0, 2))), np.zeros((6, 2)))
 
 
 @pytest.mark.parametrize("which", MODELS)
@@ -121,4 +123,4 @@ def test_errors_and_their_advance(which):
     after = bank.advance(jnp.asarray(x), jnp.asarray(1.0))
     np.testing.assert_allclose(after, np.asarray(bank.transition) @ x, rtol=1e-12, atol=1e-14)
     np.testing.assert_array_equal(bank.advance(jnp.asarray(x), jnp.asarray(0.0)), x)
-    np.testing.assert_allclose(bank.errors(jnp.asarray(x)), by_channel(bank.channels, bank.readout, jnp.asarray(x)))
+    np.testing.assert_allclose(bank.errors(jnp.asarray(x)), by_channel(bank.channels, bank.readout[:, None] * x))
