@@ -1,5 +1,6 @@
 """Covariance analysis of filters: what a Monte Carlo estimates, exact to first order and at once."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -312,10 +313,17 @@ def make_setup(
 
 
 def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:
-    """A note if a filter estimates what the truth does not have."""
-    ours, theirs = ({s.channel for s in e.bank().states} for e in (believed, truth))
-    names = [CHANNELS[c] for c in sorted(ours - theirs)]
-    return (f"The filter estimates errors of {', '.join(names)}, which truly are white or none.",) * bool(names)
+    """Notes if a filter estimates what the truth does not have."""
+    ours, theirs = (Counter(s.channel for s in e.bank().states) for e in (believed, truth))
+    none = [CHANNELS[c] for c in sorted(ours) if not theirs[c]]
+    more = [CHANNELS[c] for c in sorted(ours) if ours[c] > theirs[c] > 0]
+    return (
+        *(f"The filter estimates errors of {', '.join(none)}, which truly are white or none.",) * bool(none),
+        *(f"The filter has more states for {', '.join(more)} than the truth, which cannot excite all.",) * bool(more),
+    )
+
+
+_NOT_VALID = ("A variance is negative or not finite: these numbers mean nothing.",)
 
 
 def covariances_of(
@@ -342,5 +350,5 @@ def covariances_of(
         innovation={n: arrays.innovation[s, a:b] for n, s, a, b in parts},
         innovation_claimed={n: arrays.innovation_claimed[s, a:b] for n, s, a, b in parts},
         outages=setup.outages,
-        notes=(*believed.notes(), *notes),
+        notes=(*believed.notes(), *notes, *_NOT_VALID * (not arrays.valid.all())),
     )

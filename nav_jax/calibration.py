@@ -121,7 +121,7 @@ def calibration_effect(
     Parameters
     ----------
     reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`.
+        See `nav_jax.analyse`; the filter knows of its start what is true.
     accel, gyro
         What `gmwm_jax` has found: a fit or its bootstrap, one for all axes, or three of them. Of a fit, parameters are
         drawn from the normal distribution of its estimates on the real line; of a bootstrap, its replicates are.
@@ -213,6 +213,12 @@ def _draws(
         C[np.ix_(fit.active, fit.active)] = fit.covariance
         if result is fit:
             C = C[np.ix_(kept, kept)]
+            if not np.isfinite(C).all():
+                unknown = [name for name, v in zip(lines.names[part], np.diag(C), strict=True) if not np.isfinite(v)]
+                raise ValueError(
+                    f"A fit has no standard error of {', '.join(unknown)}, which its data do not determine: fit a "
+                    f"model without it, {fit.reduced!r}."
+                )
             deviation = rng.multivariate_normal(np.zeros(len(C)), C, size=num, method="eigh")
         else:
             chosen = result.good[rng.integers(0, len(result.good), size=num)]

@@ -102,7 +102,8 @@ class Candidate:
         parts = []
         for sensor, count, channel in sides:
             walks = sum(p.kind == "RW" for p in self.errors.models[channel].processes)
-            parts.append(f"{count - walks} GM" + f" + {walks} RW" * bool(walks) + f" {sensor}")
+            kinds = [f"{count - walks} GM"] * (count > walks or not walks) + [f"{walks} RW"] * bool(walks)
+            parts.append(f"{' + '.join(kinds)} {sensor}")
         return ", ".join(parts)
 
 
@@ -226,7 +227,7 @@ class Design:
 
 def design(
     truth: ImuErrors,
-    scenarios: Sequence[Scenario] | Scenario,
+    scenarios: Any,
     *,
     max_accel: int = 2,
     max_gyro: int = 2,
@@ -249,7 +250,8 @@ def design(
     truth
         Errors of the IMU.
     scenarios
-        Trajectories with aiding; epochs in outages count, their ends with them, all where there is none.
+        One `Scenario` or a sequence of them, trajectories with aiding. Epochs in outages count, their ends with them;
+        all where there is none.
     max_accel, max_gyro
         Most Gauss-Markov processes on an axis.
     max_states

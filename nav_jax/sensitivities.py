@@ -173,7 +173,7 @@ def sensitivities(
     Parameters
     ----------
     reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`.
+        See `nav_jax.analyse`; the filter knows of its start what is true.
     truth, believed
         Errors of the IMU, and what the filter believes of them; the truth if not given.
 

@@ -1,5 +1,7 @@
 """Sensitivities, error budget, effect of a calibration, design and tuning: each against a second computation."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -189,6 +191,11 @@ def test_an_interval_of_the_navigation_error(fits):
 
 
 def test_calibration_wants_fits(fits):
+    unknown = fits[0].covariance.copy()
+    unknown[1] = unknown[:, 1] = np.nan
+    blind = dataclasses.replace(fits[0], covariance=unknown)
+    with pytest.raises(ValueError, match="no standard error of accel GM beta"):
+        nj.calibration_effect(REFERENCE, blind, fits[1], key=jax.random.key(1), aiding=AIDING)
     with pytest.raises(ValueError, match="A fit of gmwm_jax"):
         nj.calibration_effect(REFERENCE, "WN", fits[1], key=jax.random.key(1), aiding=AIDING)
     with pytest.raises(ValueError, match="these are 2"):
