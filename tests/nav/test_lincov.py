@@ -397,6 +397,10 @@ def test_states_of_what_is_not_there_are_noted():
     truth = nj.ImuErrors(gj.WN(1e-4), TRUTH.models[3], setups.RATE)
     c = nj.analyse(nj.static(1.0, setups.RATE), truth, FILTERS["fewer"], aiding=(), every=10)["filter"]
     assert c.notes == ("The filter estimates errors of accel x, accel y, accel z, which truly are white or none.",)
+    axis = gj.WN(1e-4) + gj.RW(1e-9)
+    truth, believed = (nj.ImuErrors(a, gj.WN(1e-6), setups.RATE) for a in (axis, [axis + gj.GM(0.1, 1e-5), axis, axis]))
+    c = nj.analyse(nj.static(1.0, setups.RATE), truth, believed, aiding=(), every=10)["filter"]
+    assert c.notes == ("The filter has more states for accel x than the truth, which cannot excite all.",)
 
 
 def test_a_start_that_is_known_has_no_nees():
