@@ -1,7 +1,7 @@
 """Several filter models on the same runs: ranked, drawn, and written to disk."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -64,6 +64,12 @@ class Comparison:
         if model not in self.runs:
             raise KeyError(f"No model {model!r}; there are {', '.join(self.runs)}.")
         return self.runs[model]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.runs)
+
+    def __len__(self) -> int:
+        return len(self.runs)
 
     @cached_property
     def num_common(self) -> int:
