@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Key
 
 from nav_jax._check import integer, typed_key
+from nav_jax._progress import progress_bar
 from nav_jax._typing import Real
 from nav_jax.comparison import Comparison
 from nav_jax.components import COMPONENTS, GROUPS
@@ -201,7 +202,7 @@ def _run_chunks(
     # Every filter compiles a program of its own: the first chunk goes filter by filter, so that they compile at once.
     jobs = [(0, [name]) for name in names] + [(chunk, names) for chunk in range(1, num_chunks)]
     complete = np.zeros((num_chunks, len(names)), dtype=bool)
-    bar = _progress_bar(num_chunks * len(names) * size, progress)
+    bar = progress_bar(num_chunks * len(names) * size, "run", progress)
     pool = ThreadPoolExecutor(workers)
     waiting: dict[Future[dict[str, Any]], int] = {}
     try:
@@ -243,26 +244,6 @@ def _chunk_size(num_runs: int, workers: int) -> int:
 def _cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class _Silent:
-    """A progress bar that shows nothing."""
-
-    def update(self, n: int) -> None:
-        """Nothing."""
-
-    def close(self) -> None:
-        """Nothing."""
-
-
-def _progress_bar(total: int, wanted: bool) -> Any:
-    if not wanted:
-        return _Silent()
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise ImportError('A progress bar needs the package tqdm: pip install "gmwm-jax[app]".') from error
-    return tqdm(total=total, unit="run", smoothing=0.1)
 
 
 def _outputs(setup: Setup, outcome: Any) -> tuple[Any, ...]:
