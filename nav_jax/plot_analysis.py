@@ -240,8 +240,8 @@ def plot_tuning(t: Tuning) -> Figure:
     figure, ((ax,),) = _frames(1, 1, (9.0, 1.6 + 0.42 * len(t.names)))
     rows = np.arange(len(t.names))
     # a partial autocorrelation may be negative, and its interval may contain zero
-    factor, *ends = _positive(np.stack([t.value, t.ci_low, t.ci_high]) / t.start)
-    low, high = np.sort(ends, axis=0)
+    factor = _positive(t.value / t.start)
+    low, high = np.sort([t.ci_low / t.start, t.ci_high / t.start], axis=0)
     ax.axvline(1.0, color=_INK, lw=1.0, ls=":", label="start")
     interval = f"tuned, {100 * t.level:g} % interval"
     for chosen, colour, label in (
@@ -249,15 +249,16 @@ def plot_tuning(t: Tuning) -> Figure:
         (t.sought & ~t.observable, COLOURS[3], "from the prior"),
     ):
         if chosen.any():
-            at, bars = factor[chosen], [(factor - low)[chosen], (high - factor)[chosen]]
-            ax.errorbar(at, rows[chosen], xerr=bars, fmt="o", color=colour, capsize=4, lw=1.6, label=label)
+            # what goes through zero goes on to the edge of the logarithmic axis
+            bars = [(factor - np.maximum(low, 0.0))[chosen], (high - factor)[chosen]]
+            ax.errorbar(factor[chosen], rows[chosen], xerr=bars, fmt="o", color=colour, capsize=4, lw=1.6, label=label)
     held = np.isin(t.names, t.held)
     for chosen, style, label in ((~t.sought & ~held, "x", "not observable"), (held, "s", "held")):
         if chosen.any():
             at, colour = rows[chosen], COLOURS[1] if style == "x" else _INK
             ax.plot(np.ones(len(at)), at, style, color=colour, mfc="none", ms=8, mew=1.8, label=label)
     ax.set(yticks=rows, yticklabels=t.names, xlabel="factor on the start [1]", ylim=(len(rows) - 0.5, -0.5))
-    widest = 1.3 * np.nanmax([2.0, *high, *(1 / low)])
+    widest = 1.3 * np.nanmax([2.0, *high, *(1 / _positive(low))])
     ax.set_xlim(1 / widest, widest)
     logarithmic(ax, "x")
     grid(ax)

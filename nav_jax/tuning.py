@@ -180,6 +180,13 @@ def tune(
     ValueError
         No fix, an unknown name, a prior that is no covariance, a number out of range, nothing that the record
         determines, a filter that fails at the start; as of `nav_jax.navigate`.
+
+    Notes
+    -----
+    What is observable is judged at the start and again at every solution. What is lost on the way, as a process that
+    the record does not have, goes back to its start, which may be far too much of it: leave the process out then, or
+    start from less. Of a parameter that is barely in sight, records show the large estimates only, and an interval
+    that is too short.
     """
     level, max_steps = probability("level", level), integer("max_steps", max_steps, 1)
     of_kind("initial", initial, InitialUncertainty)

@@ -225,7 +225,7 @@ def test_parameters_before_and_after_a_tuning():
 
 
 def test_a_tuning_with_a_prior_and_a_negative_partial_autocorrelation():
-    """An interval through zero has no end on a logarithmic axis; what the prior knows is marked."""
+    """An interval through zero goes on to the edge of the logarithmic axis; what the prior knows is marked."""
     t, nan = make_tuning(), np.nan
     t = replace(
         t,
@@ -240,7 +240,10 @@ def test_a_tuning_with_a_prior_and_a_negative_partial_autocorrelation():
     figure = t.plot()
     figure.canvas.draw()
     assert set(texts(figure.legends[0])) == {"start", "tuned, 95 % interval", "from the prior", "held"}
-    prior = figure.axes[0].containers[1]
+    shown, prior = figure.axes[0].containers
+    first = shown.lines[2][0].get_segments()[0][:, 0]
+    assert first[0] < figure.axes[0].get_xlim()[0]
+    assert first[1] == pytest.approx(1.5)
     np.testing.assert_allclose(prior.lines[0].get_xydata(), [[1, 1]])
     assert "from the prior" in repr(t)
 
