@@ -58,6 +58,9 @@ class Tuning:
         Limits of the intervals, NaN where not sought.
     sought
         Whether the parameter was sought; the others are at their start.
+    lost
+        Whether the search moved the parameter to where the record does not determine it, such as far below what it
+        shows. It is at its start again, which the record may contradict.
     observable
         Whether the record determines the parameter. Without a prior, what it does not determine is not sought.
     held
@@ -81,6 +84,7 @@ class Tuning:
     ci_low: Float64[np.ndarray, " P"]
     ci_high: Float64[np.ndarray, " P"]
     sought: Bool[np.ndarray, " P"]
+    lost: Bool[np.ndarray, " P"]
     observable: Bool[np.ndarray, " P"]
     held: tuple[str, ...]
     loss_start: float
@@ -108,8 +112,9 @@ class Tuning:
             "held" if name in self.held
             else "" if seen
             else "not observable: from the prior" if sought
+            else "lost in the search: held" if lost
             else "not observable: held"
-            for name, sought, seen in zip(self.names, self.sought, self.observable, strict=True)
+            for name, sought, lost, seen in zip(self.names, self.sought, self.lost, self.observable, strict=True)
         )  # fmt: skip
 
     def __repr__(self) -> str:
@@ -122,6 +127,8 @@ class Tuning:
         ]
         if not self.sought.all():
             lines.append("Standard errors and intervals are given the values of what is held.")
+        if self.lost.any():
+            lines.append("What was lost is at its start, which the record may contradict: try less, or leave it out.")
         return "\n".join(lines)
 
     def plot(self) -> "Figure":
@@ -233,6 +240,7 @@ def tune(
         ci_low=np.where(known, limits[0], np.nan),
         ci_high=np.where(known, limits[1], np.nan),
         sought=found.sought,
+        lost=found.lost,
         observable=found.observable,
         held=tuple(hold),
         loss_start=begin.loss,

@@ -77,6 +77,8 @@ class Solution(NamedTuple):
     vector: Float64[np.ndarray, " P"]
     sought: Bool[np.ndarray, " P"]
     """What the search has moved; the others are at their start."""
+    lost: Bool[np.ndarray, " P"]
+    """What it moved to where the record does not determine it, and put back."""
     observable: Bool[np.ndarray, " P"]
     """What the record determines without a penalty."""
     se: Float64[np.ndarray, " P"]
@@ -119,10 +121,10 @@ def search(objective: Objective, candidates: Sequence[int], max_steps: int, bar:
             break
         sought = wanted
         vector = np.where(np.isin(everywhere, sought), vector, objective.start)
-    is_sought = np.isin(everywhere, sought)
+    is_sought, lost = np.isin(everywhere, sought), np.isin(everywhere, sorted(given_up))
     shown = standard_errors(here.information, candidates) < UNOBSERVABLE if penalised else is_sought
     se = standard_errors(H, sought)
-    return Solution(vector, is_sought, shown, se, here.loss - objective.penalty_at(vector), converged)
+    return Solution(vector, is_sought, lost, shown, se, here.loss - objective.penalty_at(vector), converged)
 
 
 def _minimise(

@@ -218,6 +218,7 @@ def test_what_becomes_observable_on_the_way_is_sought():
     found = searched(objective)
     assert found.converged
     assert found.observable.all()
+    assert not found.lost.any()
     np.testing.assert_allclose(found.vector, [0.0, -2.0], atol=1e-3)
 
 
@@ -234,6 +235,7 @@ def test_what_is_lost_on_the_way_goes_back_to_its_start():
     assert found.converged
     assert found.vector[1] == 0.0
     np.testing.assert_array_equal(found.sought, [True, False])
+    np.testing.assert_array_equal(found.lost, [False, True])
     np.testing.assert_array_equal(found.observable, [True, False])
     assert objective(found.vector).gradient[0] == pytest.approx(0.0, abs=0.1)
     assert found.se[0] < 0.1
@@ -282,7 +284,8 @@ def test_a_process_that_is_not_there_is_at_its_start(record, monkeypatch):
     k = found.names.index("accel RW gamma2")
     assert rounds.count > 1
     assert counted.count <= 1
-    assert found.remarks[k] == "not observable: held"
+    assert found.remarks[k] == "lost in the search: held"
+    assert repr(found).endswith("try less, or leave it out.")
     assert found.value[k] == pytest.approx(1e-7, rel=1e-12)
     assert np.isnan([found.se[k], found.ci_low[k], found.ci_high[k]]).all()
     held = ~found.sought
