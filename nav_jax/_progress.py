@@ -1,10 +1,10 @@
-"""A progress bar, if it is wanted."""
+"""A progress bar, if one is wanted."""
 
 from typing import Any
 
 
 class _Silent:
-    """A progress bar that shows nothing."""
+    """A bar that shows nothing."""
 
     def update(self, n: int) -> None:
         """Nothing."""
@@ -14,12 +14,12 @@ class _Silent:
 
 
 def progress_bar(total: int | None, unit: str, wanted: bool) -> Any:
-    """A bar of tqdm, without a total a count, or one that shows nothing.
+    """A bar with ``update(n)`` and ``close()``; without a total, a count.
 
     Raises
     ------
     ImportError
-        tqdm is not installed.
+        It is wanted, and tqdm is not there.
     """
     if not wanted:
         return _Silent()

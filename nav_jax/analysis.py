@@ -1,5 +1,6 @@
 """Covariance analysis of filters: what a Monte Carlo estimates, exact to first order and at once."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -246,12 +247,11 @@ def analyse(
     ValueError
         A truth that is a recording or has a process without state-space form; rates that differ; as in `compare`.
     """
-    if not isinstance(truth, ImuErrors):
-        raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
-    filters = truth if filters is None else filters
-    by_name = {"filter": filters} if isinstance(filters, ImuErrors) else dict(filters)
+    truth = model_of(truth)
+    if filters is None or isinstance(filters, ImuErrors):
+        filters = {"filter": truth if filters is None else filters}
     setup = make_setup(
-        reference, truth, by_name, aiding, initial, every=every, output_interval=output_interval, earth=earth
+        reference, truth, filters, aiding, initial, every=every, output_interval=output_interval, earth=earth
     )
     motion = motion_of(setup.experiment)
     found = {
@@ -262,14 +262,27 @@ def analyse(
             name,
             _unexcited(truth, f),
         )
-        for name, f in by_name.items()
+        for name, f in filters.items()
     }
     return Analysis(found, setup.reference.name, repr(truth))
 
 
+def model_of(truth: ImuErrors | RecordedErrors) -> ImuErrors:
+    """What covariances can be computed from.
+
+    Raises
+    ------
+    ValueError
+        A recording.
+    """
+    if not isinstance(truth, ImuErrors):
+        raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
+    return truth
+
+
 def make_setup(
     reference: Trajectory,
-    truth: ImuErrors,
+    truth: ImuErrors | RecordedErrors,
     filters: Mapping[str, ImuErrors],
     aiding: Sequence[AbstractAiding],
     initial: InitialUncertainty | None,
@@ -283,8 +296,9 @@ def make_setup(
     Raises
     ------
     ValueError
-        No filter, and as in `compare`.
+        A truth that is a recording; no filter; as in `compare`.
     """
+    truth = model_of(truth)
     if not filters:
         raise ValueError("Give at least one filter: {name: ImuErrors}.")
     return Setup(
@@ -299,10 +313,17 @@ def make_setup(
 
 
 def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:
-    """A note if a filter estimates what the truth does not have."""
-    ours, theirs = ({s.channel for s in e.bank().states} for e in (believed, truth))
-    names = [CHANNELS[c] for c in sorted(ours - theirs)]
-    return (f"The filter estimates errors of {', '.join(names)}, which truly are white or none.",) * bool(names)
+    """Notes if a filter estimates what the truth does not have."""
+    ours, theirs = (Counter(s.channel for s in e.bank().states) for e in (believed, truth))
+    none = [CHANNELS[c] for c in sorted(ours) if not theirs[c]]
+    more = [CHANNELS[c] for c in sorted(ours) if ours[c] > theirs[c] > 0]
+    return (
+        *(f"The filter estimates errors of {', '.join(none)}, which truly are white or none.",) * bool(none),
+        *(f"The filter has more states for {', '.join(more)} than the truth, which cannot excite all.",) * bool(more),
+    )
+
+
+_NOT_VALID = ("A variance is negative or not finite: these numbers mean nothing.",)
 
 
 def covariances_of(
@@ -325,9 +346,9 @@ def covariances_of(
         true=both[0],
         claimed=both[1],
         channels=tuple(sorted({s.channel for s in believed.bank().states})),
-        fixes=dict(zip(names, setup.fix_times, strict=True)),
+        fixes=setup.fixes,
         innovation={n: arrays.innovation[s, a:b] for n, s, a, b in parts},
         innovation_claimed={n: arrays.innovation_claimed[s, a:b] for n, s, a, b in parts},
         outages=setup.outages,
-        notes=(*believed.notes(), *notes),
+        notes=(*believed.notes(), *notes, *_NOT_VALID * (not arrays.valid.all())),
     )

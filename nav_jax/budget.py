@@ -26,8 +26,8 @@ from nav_jax.lincov import Noise, covariances_of_many, motion_of, noise_of
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
 from nav_jax.parameters import shared_channels
-from nav_jax.sensor_bank import alone
 from nav_jax.sensitivities import QUANTITIES, STARTS
+from nav_jax.sensor_bank import alone
 from nav_jax.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def error_budget(
     Parameters
     ----------
     reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`.
+        See `nav_jax.analyse`; the filter knows of its start what is true.
     truth, believed
         Errors of the IMU, and what the filter believes of them; the truth if not given.
 
@@ -151,7 +151,7 @@ def error_budget(
         tuple(sources),
         np.asarray(parts(weights)),
         setup.outages,
-        dict(zip((s.name for s in setup.aiding), setup.fix_times, strict=True)),
+        setup.fixes,
     )
 
 

@@ -22,12 +22,11 @@ from nav_jax.analysis import make_setup
 from nav_jax.earth import FlatEarth
 from nav_jax.epochs import Judged
 from nav_jax.initial import InitialUncertainty
-from nav_jax.linalg import root
 from nav_jax.lincov import covariances_of_many, motion_of, noise_of
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
 from nav_jax.parameters import ErrorLines
-from nav_jax.sensitivities import QUANTITIES
+from nav_jax.sensitivities import QUANTITIES, rms_of
 from nav_jax.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -122,7 +121,7 @@ def calibration_effect(
     Parameters
     ----------
     reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`.
+        See `nav_jax.analyse`; the filter knows of its start what is true.
     accel, gyro
         What `gmwm_jax` has found: a fit or its bootstrap, one for all axes, or three of them. Of a fit, parameters are
         drawn from the normal distribution of its estimates on the real line; of a bootstrap, its replicates are.
@@ -155,9 +154,7 @@ def calibration_effect(
         """Of vectors of truths and of filters, or of one of either."""
         noises = jax.vmap(lambda x: noise_of(experiment, lines.build(x)))(true)
         banks = jax.vmap(lambda x: lines.build(x).bank())(believed)
-        N = covariances_of_many(experiment, motion, noises, banks, start).true.navigation[:, at]
-        variance = jnp.diagonal(N, axis1=2, axis2=3)
-        return jnp.stack([root(variance[:, :, jnp.array(c)].sum(axis=2)) for c, _, _ in QUANTITIES.values()], axis=1)
+        return rms_of(covariances_of_many(experiment, motion, noises, banks, start).true.navigation[:, at])
 
     @jax.jit
     def both(true: Array) -> tuple[Array, Array]:
@@ -174,9 +171,8 @@ def calibration_effect(
     sd = np.sqrt(np.einsum("qep,pr,qer->qe", slope, covariance, slope))
     sd = np.divide(sd, at_estimate, out=np.zeros_like(sd), where=at_estimate > 0)
     arrays = (at_estimate, np.moveaxis(used, 1, 0), np.moveaxis(best, 1, 0), sd)
-    rms_of, used_of, best_of, sd_of = (dict(zip(QUANTITIES, a, strict=True)) for a in arrays)
-    fixes = dict(zip((s.name for s in setup.aiding), setup.fix_times, strict=True))
-    return CalibrationEffect(setup.output_times, rms_of, used_of, best_of, sd_of, setup.outages, fixes)
+    rms_found, used_of, best_of, sd_of = (dict(zip(QUANTITIES, a, strict=True)) for a in arrays)
+    return CalibrationEffect(setup.output_times, rms_found, used_of, best_of, sd_of, setup.outages, setup.fixes)
 
 
 def _per_axis(given: Any) -> list[Any]:
@@ -217,6 +213,12 @@ def _draws(
         C[np.ix_(fit.active, fit.active)] = fit.covariance
         if result is fit:
             C = C[np.ix_(kept, kept)]
+            if not np.isfinite(C).all():
+                unknown = [name for name, v in zip(lines.names[part], np.diag(C), strict=True) if not np.isfinite(v)]
+                raise ValueError(
+                    f"A fit has no standard error of {', '.join(unknown)}, which its data do not determine: fit a "
+                    f"model without it, {fit.reduced!r}."
+                )
             deviation = rng.multivariate_normal(np.zeros(len(C)), C, size=num, method="eigh")
         else:
             chosen = result.good[rng.integers(0, len(result.good), size=num)]

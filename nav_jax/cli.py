@@ -164,7 +164,6 @@ def design(
     folder, plot = _folder(known.output, config.parent, out, plot)
     truth, options = _model(known), _along(known)
     scenario = Scenario(known.reference, options.pop("aiding"), options.pop("initial"))
-    _say("Search for the filter of each structure ...")
     found = design_filters(
         truth,
         scenario,
@@ -173,10 +172,12 @@ def design(
         max_states=max_states,
         objective=objective,
         max_steps=max_steps,
+        progress=sys.stderr.isatty(),
         **options,
     )
     best = found.best()
     filters = {"designed": best.errors, "truncated": best.naive, "right": truth}
+    filters = {name: f for name, f in filters.items() if f is not None}
     confirmed = None
     if confirm is not None:
         again = replace(known, filters=filters)

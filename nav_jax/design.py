@@ -20,13 +20,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from nav_jax._check import integer
+from nav_jax._progress import progress_bar
 from nav_jax._table import format_table, number
-from nav_jax.analysis import Analysis, Covariances, analyse, make_setup
+from nav_jax._typing import Real
+from nav_jax.analysis import Analysis, Covariances, analyse, make_setup, model_of
 from nav_jax.comparison import Comparison
-from nav_jax.design_family import Family
-from nav_jax.design_search import Course, losses, search_filters
+from nav_jax.design_family import Family, Structure
+from nav_jax.design_search import Course, Ended, Search
 from nav_jax.earth import FlatEarth
-from nav_jax.epochs import outage_intervals
+from nav_jax.epochs import inside_outages
 from nav_jax.initial import InitialUncertainty
 from nav_jax.lincov import motion_of, noise_of
 from nav_jax.measurements._base import AbstractAiding
@@ -72,20 +74,21 @@ class Candidate:
     errors
         What it believes.
     naive
-        The best of the same structure that believes a part of the truth as it is.
+        The best of the same structure that believes a part of the truth as it is; None where the truth has not as many
+        processes of first order.
     loss, loss_naive
-        Of both, the smaller the better.
+        Of both, the smaller the better; NaN where there is no `naive`.
     converged
         Whether the search came to its end.
     covariances, covariances_naive
-        Of each scenario.
+        Of each scenario; empty where there is no `naive`.
     """
 
     num_accel: int
     num_gyro: int
     num_states: int
     errors: ImuErrors
-    naive: ImuErrors
+    naive: ImuErrors | None
     loss: float
     loss_naive: float
     converged: bool
@@ -94,8 +97,14 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Such as ``2 GM accel, 1 GM gyro``."""
-        return f"{self.num_accel} GM accel, {self.num_gyro} GM gyro"
+        """Such as ``2 GM accel, 1 GM gyro``, or ``1 GM + 1 RW accel, 0 GM gyro`` for a truth with random walks."""
+        sides = zip(("accel", "gyro"), (self.num_accel, self.num_gyro), (0, 3), strict=True)
+        parts = []
+        for sensor, count, channel in sides:
+            walks = sum(p.kind == "RW" for p in self.errors.models[channel].processes)
+            kinds = [f"{count - walks} GM"] * (count > walks or not walks) + [f"{walks} RW"] * bool(walks)
+            parts.append(f"{' + '.join(kinds)} {sensor}")
+        return ", ".join(parts)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,6 +121,8 @@ class Design:
         ``score`` or ``error``.
     truth, scenarios
         What they were designed for.
+    complete
+        Whether all structures were searched: false after an interrupt from the keyboard.
     """
 
     candidates: tuple[Candidate, ...]
@@ -119,6 +130,7 @@ class Design:
     objective: str
     truth: ImuErrors
     scenarios: tuple[Scenario, ...]
+    complete: bool = True
 
     @property
     def pareto(self) -> tuple[Candidate, ...]:
@@ -149,6 +161,8 @@ class Design:
     ) -> tuple[Comparison, ...]:
         """A Monte Carlo of a candidate, its naive counterpart and the right filter on fresh noise, for each scenario.
 
+        Filters are named ``designed``, ``truncated`` (if there is one) and ``right``.
+
         Parameters
         ----------
         num_runs, key, options
@@ -158,6 +172,7 @@ class Design:
         """
         c = self.best() if candidate is None else candidate
         filters = {"designed": c.errors, "truncated": c.naive, "right": self.truth}
+        filters = {name: f for name, f in filters.items() if f is not None}
         return tuple(
             compare(
                 s.reference,
@@ -189,7 +204,7 @@ class Design:
         rows = []
         for c in self.candidates:
             designed, naive = judged(c.covariances), judged(c.covariances_naive)
-            cells = [number(x, 4) for x in (*designed, naive[0], naive[2])]
+            cells = [number(x, 4) for x in designed] + ["-" if np.isnan(x) else number(x, 4) for x in naive[::2]]
             mark = " ".join(["*"] * (id(c) in on_front) + ["not converged"] * (not c.converged))
             rows.append([c.name, str(c.num_states), number(c.loss, 5), *cells, mark])
         position, claimed, nees = judged(self.right)
@@ -199,7 +214,9 @@ class Design:
 
     def __repr__(self) -> str:
         where = ", ".join(s.reference.name or "trajectory" for s in self.scenarios)
-        return f"Filters designed for {where} by {self.objective}; * best for its number of states\n{self.table()}"
+        cut = "" if self.complete else " INTERRUPTED: the larger structures are missing."
+        title = f"Filters designed for {where} by {self.objective}; * best for its number of states.{cut}"
+        return f"{title}\n{self.table()}"
 
     def plot(self, **options: Any) -> "Figure":
         """See `nav_jax.plot_analysis.plot_design`."""
@@ -210,25 +227,31 @@ class Design:
 
 def design(
     truth: ImuErrors,
-    scenarios: Sequence[Scenario] | Scenario,
+    scenarios: Any,
     *,
     max_accel: int = 2,
     max_gyro: int = 2,
     max_states: int | None = None,
     objective: str = "score",
-    num_starts: int = 2,
+    num_starts: int = 1,
     max_steps: int = 60,
     every: int = 10,
+    output_interval: Real = 1.0,
+    progress: bool = False,
     earth: FlatEarth | None = None,
 ) -> Design:
-    """Find the best filter of each structure WN + k GM a axis, by its true error along trajectories.
+    """Find the best filter of each structure WN + k GM an axis, by its true error along trajectories.
+
+    Where the truth has a random walk a process may be one too. An interrupt from the keyboard ends the search with the
+    structures that are done.
 
     Parameters
     ----------
     truth
         Errors of the IMU.
     scenarios
-        Trajectories with aiding; epochs in outages count, all where there is none.
+        One `Scenario` or a sequence of them, trajectories with aiding. Epochs in outages count, their ends with them;
+        all where there is none.
     max_accel, max_gyro
         Most Gauss-Markov processes on an axis.
     max_states
@@ -236,101 +259,100 @@ def design(
     objective
         ``score``: small errors and true claims of position, velocity and attitude; ``error``: a small position error.
     num_starts
-        Searches of each structure, from the best parts of the truth.
+        Searches of each structure from the best parts of the truth; one more starts from the best smaller structure.
     max_steps
         Of each search.
-    every
-        Number of IMU samples in a covariance step.
-    earth
-        ``FlatEarth(gravity)``.
+    every, output_interval, earth
+        See `nav_jax.analyse`.
+    progress
+        Show a progress bar of structures (needs the extra ``app``).
 
     Raises
     ------
     ValueError
         No structure within the budget, no scenario, unknown objective; as of `nav_jax.analyse`.
+    KeyboardInterrupt
+        Before the first structure was done.
     """
-    scenarios = (scenarios,) if isinstance(scenarios, Scenario) else tuple(scenarios)
+    truth = model_of(truth)
+    scenarios = (scenarios,) if isinstance(scenarios, Scenario) else scenarios
+    if not isinstance(scenarios, Sequence) or not all(isinstance(s, Scenario) for s in scenarios):
+        raise ValueError(f"Scenarios are wanted, Scenario(reference, aiding, initial), and this is {scenarios!r}.")
+    scenarios = tuple(scenarios)
     if not scenarios:
         raise ValueError("Give at least one scenario.")
     if objective not in OBJECTIVES:
         raise ValueError(f"The objective is one of {', '.join(OBJECTIVES)}, and is {objective!r}.")
     family = Family(truth, integer("max_accel", max_accel, 0), integer("max_gyro", max_gyro, 0))
+    num_starts, max_steps = integer("num_starts", num_starts, 1), integer("max_steps", max_steps, 1)
     structures = [
         s
-        for s in product(range(max_accel + 1), range(max_gyro + 1))
+        for s in sorted(product(range(max_accel + 1), range(max_gyro + 1)), key=sum)
         if max_states is None or family.num_states(s) <= max_states
     ]
     if not structures:
         raise ValueError(f"No structure has {max_states} sensor states or fewer.")
-    courses = tuple(_course(s, truth, every, earth) for s in scenarios)
-    starts = [(s, x) for s in structures for x in family.starts(s)]
-    masks = jnp.stack([family.mask(s) for s, _ in starts])
-    vectors = jnp.stack([x for _, x in starts])
-    naive = np.asarray(losses(courses, family, vectors, masks, objective))
-    # of each structure the best starts
-    lanes = [
-        i
-        for s in structures
-        for i in sorted((i for i, (of, _) in enumerate(starts) if of == s), key=lambda i: naive[i])[:num_starts]
-    ]
-    of = np.array(lanes)
-    ended = search_filters(courses, family, vectors[of], masks[of], objective, max_steps)
-    ends, reached, converged = (np.asarray(a) for a in ended)
-    candidates = []
-    for s in structures:
-        mine = [j for j, i in enumerate(lanes) if starts[i][0] == s]
-        best = min(mine, key=lambda j: reached[j])
-        first = lanes[mine[0]]
-        errors, cut = family.errors(ends[best], s), family.errors(np.asarray(vectors[first]), s)
-        both = {"designed": errors, "truncated": cut}
-        found = [_analysis(c, truth, both, every, earth) for c in scenarios]
-        candidates.append(
-            Candidate(
-                *s,
-                family.num_states(s),
-                errors,
-                cut,
-                float(reached[best]),
-                float(naive[first]),
-                bool(converged[best]),
-                tuple(a["designed"] for a in found),
-                tuple(a["truncated"] for a in found),
-            )
-        )
+    times: Any = {"every": every, "output_interval": output_interval, "earth": earth}
+    courses = tuple(_course(s, truth, times) for s in scenarios)
+    search = Search(courses, family, objective, num_starts, max_steps)
+    found: dict[Structure, Ended] = {}
+    bar = progress_bar(len(structures), "structure", progress)
+    try:
+        for s in structures:
+            found[s] = search(s, found)
+            bar.update(1)
+    except KeyboardInterrupt:
+        if not found:
+            raise
+    finally:
+        bar.close()
+    candidates = [_candidate(family, scenarios, times, s, ended) for s, ended in found.items()]
     candidates.sort(key=lambda c: (c.num_states, c.loss))
-    right = tuple(_analysis(c, truth, {"right": truth}, every, earth)["right"] for c in scenarios)
-    return Design(tuple(candidates), right, objective, truth, scenarios)
+    right = tuple(_analysis(c, truth, {"right": truth}, times)["right"] for c in scenarios)
+    return Design(tuple(candidates), right, objective, truth, scenarios, complete=len(found) == len(structures))
 
 
-def _course(scenario: Scenario, truth: ImuErrors, every: int, earth: FlatEarth | None) -> Course:
-    setup = make_setup(
-        scenario.reference,
-        truth,
-        {"filter": truth},
-        scenario.aiding,
-        scenario.initial,
-        every=every,
-        output_interval=1.0,
-        earth=earth,
+def _candidate(
+    family: Family, scenarios: Sequence[Scenario], times: Mapping[str, Any], structure: Structure, ended: Ended
+) -> Candidate:
+    errors = family.errors(ended.best, structure)
+    naive = None if ended.naive is None else family.errors(ended.naive, structure)
+    filters = {"designed": errors} | ({} if naive is None else {"truncated": naive})
+    found = [_analysis(s, family.truth, filters, times) for s in scenarios]
+    return Candidate(
+        *structure,
+        family.num_states(structure),
+        errors,
+        naive,
+        ended.loss,
+        ended.loss_naive,
+        ended.converged,
+        tuple(a["designed"] for a in found),
+        () if naive is None else tuple(a["truncated"] for a in found),
     )
-    time, outages = setup.output_times, outage_intervals(setup.outages)
-    inside = np.any([(time > a) & (time < b) for a, b in outages], axis=0) if outages else np.full(len(time), True)
+
+
+def _course(scenario: Scenario, truth: ImuErrors, times: Mapping[str, Any]) -> Course:
+    filters = {"filter": truth}
+    setup = make_setup(scenario.reference, truth, filters, scenario.aiding, scenario.initial, **times)
+    time = setup.output_times
+    inside = inside_outages(time, setup.outages, setup.fixes) if setup.outages else np.full(len(time), True)
     if not inside.any():
-        raise ValueError("An outage has no epoch inside: it is shorter than 1 s.")
+        raise ValueError("An outage has no epoch inside: give a shorter output_interval.")
     segments = jnp.asarray(setup.output_segments[inside])
     return Course(setup.experiment, motion_of(setup.experiment), noise_of(setup.experiment, truth), segments)
 
 
 def _analysis(
-    scenario: Scenario, truth: ImuErrors, filters: Mapping[str, ImuErrors], every: int, earth: FlatEarth | None
+    scenario: Scenario, truth: ImuErrors, filters: Mapping[str, ImuErrors], times: Mapping[str, Any]
 ) -> Analysis:
-    return analyse(
-        scenario.reference, truth, filters, aiding=scenario.aiding, initial=scenario.initial, every=every, earth=earth
-    )
+    return analyse(scenario.reference, truth, filters, aiding=scenario.aiding, initial=scenario.initial, **times)
 
 
 def judged(covariances: Sequence[Covariances]) -> tuple[float, float, float]:
-    """RMS and claimed position error and NEES / 9 at the judged epochs."""
+    """RMS and claimed position error and NEES / 9 at the judged epochs; NaN of nothing."""
+    if not covariances:
+        return np.nan, np.nan, np.nan
     at = [(c, c.epoch()) for c in covariances]
     position, claimed = (
         float(np.sqrt(np.mean([x[k] ** 2 for x, k in rows])))

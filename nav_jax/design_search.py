@@ -1,19 +1,27 @@
-"""The loss of a filter along trajectories, and the search for the filters of many structures at once."""
+"""The loss of filters along trajectories, and the search for the best filter of a structure."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
-from nav_jax.design_family import Family
+from nav_jax.design_family import Family, Start, Structure
 from nav_jax.error_model import Motion
 from nav_jax.experiment import Experiment
 from nav_jax.linalg import log_det_and_trace
-from nav_jax.lincov import Noise, covariances_along
-from nav_jax.sensor_bank import SensorBank
+from nav_jax.lincov import Noise, covariances_of_many
+from nav_jax.sensor_bank import SensorBank, alone
 
 _BROKEN = 1e10
+"""Loss of a filter that breaks down: as bad as can be."""
+_PULL = 1e-5
+"""Of the squared way from the start: what the scenarios do not determine, such as a variance near zero, has an end."""
 
 
 class Course(eqx.Module):
@@ -26,48 +34,106 @@ class Course(eqx.Module):
     """The segments that count."""
 
 
-def mean_loss(courses: tuple[Course, ...], bank: SensorBank, objective: str) -> Float[Array, ""]:
-    """Mean over the scenarios."""
-    total = jnp.zeros(())
+def mean_losses(courses: tuple[Course, ...], banks: SensorBank, objective: str) -> Float[Array, " L"]:
+    """Mean over the scenarios, of the filters with these states."""
+    total = jnp.zeros(len(banks.white))
     for course in courses:
         e = course.experiment
-        found = covariances_along(e, course.motion, course.noise, bank, e.initial)
-        T, C = found.true.navigation[course.epochs], found.claimed.navigation[course.epochs]
+        found = covariances_of_many(e, course.motion, alone(course.noise), banks, e.initial)
+        T, C = (jnp.moveaxis(c.navigation[:, course.epochs], (2, 3), (0, 1)) for c in (found.true, found.claimed))
         if objective == "error":
-            total = total + jnp.mean(jnp.log(jnp.trace(T[:, :3, :3], axis1=1, axis2=2))) / 2
+            losses = jnp.log(jnp.trace(T[:3, :3])) / 2
         else:
-            total = total + jnp.mean(_score(T, C))
+            log_det, trace = log_det_and_trace(C, T)
+            losses = (log_det + trace) / 2
+        total = total + jnp.mean(losses, axis=1)
     return total / len(courses)
 
 
-def _score(T: Float[Array, "E 9 9"], C: Float[Array, "E 9 9"]) -> Float[Array, " E"]:
-    """(log det C + tr(C^-1 T))/2."""
-    log_det, trace = log_det_and_trace(jnp.moveaxis(C, 0, -1), jnp.moveaxis(T, 0, -1))
-    return (log_det + trace) / 2
+class Ended(NamedTuple):
+    """The best filter of a structure, and the best part of the truth."""
+
+    best: Start
+    loss: float
+    converged: bool
+    naive: Start | None
+    loss_naive: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for the best filter of a structure; one compiled program serves all."""
+
+    courses: tuple[Course, ...]
+    family: Family
+    objective: str
+    num_starts: int
+    max_steps: int
+
+    def __call__(self, structure: Structure, found: Mapping[Structure, Ended]) -> Ended:
+        """The best filter of a structure; `found` are those of smaller ones."""
+        starts = self.family.starts(structure)
+        mask = self.family.mask(structure)
+        at_start = np.concatenate(
+            [np.asarray(_losses(self.courses, self.family, *self._lanes([s], mask), self.objective)) for s in starts]
+        )
+        order = np.argsort(at_start)
+        chosen = [starts[i] for i in order[: self.num_starts]]
+        chosen += [self.family.extended(found[s].best, s, structure) for s in _smaller(structure, found)][:1]
+        # always as many lanes: a search of fewer would be another program
+        lanes = self._lanes([*chosen, *[chosen[0]] * (self.num_starts + 1 - len(chosen))], mask)
+        ended = _descend(self.courses, self.family, *lanes, self.objective, self.max_steps)
+        ends, reached, converged = (np.asarray(a)[: len(chosen)] for a in ended)
+        best, first = int(np.argmin(reached)), starts[order[0]]
+        return Ended(
+            chosen[best]._replace(vector=ends[best], is_part=False),
+            float(reached[best]),
+            bool(converged[best]),
+            first if first.is_part else None,
+            float(at_start[order[0]]) if first.is_part else np.nan,
+        )
+
+    def _lanes(self, starts: Sequence[Start], mask: Any) -> tuple[Any, Any, Any]:
+        vectors, walks = (jnp.asarray(np.stack([s[i] for s in starts])) for i in range(2))
+        return vectors, jnp.broadcast_to(mask, (len(starts), len(mask))), walks
+
+
+def _smaller(structure: Structure, found: Mapping[Structure, Ended]) -> list[Structure]:
+    """Structures with one process less that are done, the better one first."""
+    accel, gyro = structure
+    return sorted(({(accel - 1, gyro), (accel, gyro - 1)} & found.keys()), key=lambda s: found[s].loss)
 
 
 @eqx.filter_jit
-def losses(
-    courses: tuple[Course, ...], family: Family, vectors: Array, masks: Array, objective: str
+def _losses(
+    courses: tuple[Course, ...], family: Family, vectors: Array, masks: Array, walks: Array, objective: str
 ) -> Float[Array, " lanes"]:
     """Of many filters at once."""
-    return jax.vmap(lambda x, m: mean_loss(courses, family.bank(x, m), objective))(vectors, masks)
+    return mean_losses(courses, jax.vmap(family.bank)(vectors, masks, walks), objective)
 
 
 @eqx.filter_jit
-def search_filters(
-    courses: tuple[Course, ...], family: Family, vectors: Array, masks: Array, objective: str, max_steps: int
+def _descend(
+    courses: tuple[Course, ...],
+    family: Family,
+    vectors: Array,
+    masks: Array,
+    walks: Array,
+    objective: str,
+    max_steps: int,
 ) -> tuple[Array, Array, Array]:
     """Vectors, losses and whether they converged, of all lanes at once."""
     solver = optx.BFGS(rtol=1e-5, atol=1e-5)
 
-    def one(start: Array, mask: Array):
+    def one(start: Array, mask: Array, walk: Array):
         def loss(x: Array, _: None) -> Array:
-            value = mean_loss(courses, family.bank(x, mask), objective)
-            # a filter that breaks down is as bad as can be
+            value = mean_losses(courses, alone(family.bank(x, mask, walk)), objective)[0]
             return jnp.where(jnp.isfinite(value), value, _BROKEN)
 
-        found = optx.minimise(loss, solver, start, max_steps=max_steps, throw=False)
+        def pulled(x: Array, _: None) -> Array:
+            return loss(x, None) + _PULL * jnp.sum((x - start) ** 2)
+
+        found = optx.minimise(pulled, solver, start, max_steps=max_steps, throw=False)
         return found.value, loss(found.value, None), found.result == optx.RESULTS.successful
 
-    return jax.vmap(one)(vectors, masks)
+    return jax.vmap(one)(vectors, masks, walks)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 Outages = Mapping[str, Sequence[tuple[float, float]]]
 
@@ -46,11 +46,18 @@ def judged_epoch(
     ends = [b for a, b in outage_intervals(outages) if a <= time[-1]]
     if not ends:
         return len(time) - 1
-    over = max(ends)
-    # an outage may or may not take the fix at its very end with it
-    fix = min(_next_fixes(over, outages, fix_times), default=np.inf)
-    before = np.flatnonzero((time <= over + _TOLERANCE) & (time < fix - _TOLERANCE))
+    before = np.flatnonzero(_before_end(max(ends), time, outages, fix_times))
     return int(before[-1]) if len(before) else len(time) - 1
+
+
+def inside_outages(
+    time: Float64[np.ndarray, " E"], outages: Outages, fix_times: Mapping[str, Float64[np.ndarray, " _"]]
+) -> Bool[np.ndarray, " E"]:
+    """Epochs inside an outage, its end with it; parameters as of `judged_epoch`."""
+    inside = np.zeros(len(time), dtype=bool)
+    for start, end in outage_intervals(outages):
+        inside |= (time > start + _TOLERANCE) & _before_end(end, time, outages, fix_times)
+    return inside
 
 
 class Judged:
@@ -68,6 +75,12 @@ class Judged:
     def outage_intervals(self) -> tuple[tuple[float, float], ...]:
         """Of all sensors, each interval once, by start."""
         return outage_intervals(self.outages)
+
+
+def _before_end(end: float, time: np.ndarray, outages: Outages, fix_times: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Epochs not after the end of an outage: it may or may not take the fix at its very end with it."""
+    fix = min(_next_fixes(end, outages, fix_times), default=np.inf)
+    return (time <= end + _TOLERANCE) & (time < fix - _TOLERANCE)
 
 
 def _next_fixes(over: float, outages: Outages, fix_times: Mapping[str, np.ndarray]) -> Iterable[float]:

@@ -106,6 +106,11 @@ class Setup:
         """Sensor -> (start, end) of each, in s."""
         return {s.name: s.outages for s in self.aiding if s.outages}
 
+    @property
+    def fixes(self) -> dict[str, Float[np.ndarray, " _"]]:
+        """Sensor -> times of its fixes, in s."""
+        return dict(zip((s.name for s in self.aiding), self.fix_times, strict=True))
+
     def _experiment(
         self, schedule: Schedule, used: list[np.ndarray], initial: InitialUncertainty, earth: FlatEarth
     ) -> Experiment:

@@ -14,14 +14,16 @@ every parameter of the truth, the filter, the aiding noise and the initial covar
 segment and goes through the segments twice.
 """
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.scipy.linalg import block_diag
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from nav_jax.ekf import mechanise_with_motion, update
 from nav_jax.error_model import Covariance, Motion, blocks, full, propagate
@@ -50,6 +52,8 @@ class Lincov(NamedTuple):
     """True variance of the innovations, each given those before; 0 where there is no fix."""
     innovation_claimed: Float[Array, "M K"]
     """What the filter says of it."""
+    valid: Bool[Array, " M"]
+    """Whether no variance was negative or not finite by then, of what was given and of what came out."""
 
 
 @eqx.filter_jit
@@ -215,6 +219,9 @@ def covariances_of_many(
     H, variance = stacked(experiment.sensors)
     readout, white = jax.vmap(lambda a: (a.readout, a.white), out_axes=-1)(aiding)
     kinds = [step_noises(banks, timeline.dt, timeline.ends) for banks in (ours, joint)]
+    # as in a Monte Carlo, rounding errors are no part of what the states stand for
+    lasting = eqx.tree_at(lambda b: b.readout, joint, joint.readout * _is_lasting(joint))
+    sound = _positive(joint.white.T, white, variance[:, None], *(_diagonals(b) for b in (ours, joint)))
 
     def move(J, elapsed):
         return jax.vmap(lambda a, J: a.advance(J, elapsed), in_axes=(0, -1), out_axes=-1)(aiding, J)
@@ -231,7 +238,9 @@ def covariances_of_many(
         both, innovation = _update_joint(full(J), H, readout, white, done.gain)
         P, J = blocks(whole), blocks(move(both, elapsed))
         valid = valid[:, None]
-        return (P, J), Lincov(claim(J, joint), claim(P, ours), valid * innovation, valid * done.variance)
+        positive = sound & _positive(done.variance, innovation, _diagonal(whole), jnp.abs(_diagonal(both)))
+        out = Lincov(claim(J, lasting), claim(P, ours), valid * innovation, valid * done.variance, positive)
+        return (P, J), out
 
     P = jax.vmap(lambda bank: start_covariance(initial, bank), out_axes=-1)(ours)
     J = jax.vmap(lambda n, bank: n.aiding.advance(block_diag(n.start, bank.initial), n.aiding.first), out_axes=-1)(
@@ -240,6 +249,25 @@ def covariances_of_many(
     carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed)
     found = time_loop(step, event, carry, (timeline.pattern, motion), events)[1][1]
     return jax.tree.map(lambda a: jnp.moveaxis(jnp.broadcast_to(a, (*a.shape[:-1], lanes)), -1, 0), found)
+
+
+def _is_lasting(bank: SensorBank) -> Float[np.ndarray, "1 M"]:
+    """0 for states of quantisation noise."""
+    return np.array([[float(not s.label.startswith("QN")) for s in bank.states]])
+
+
+def _diagonals(banks: SensorBank) -> Float[Array, "_ L"]:
+    """Variances of the driving noise and of the start."""
+    return jnp.concatenate([_diagonal(jnp.moveaxis(a, 0, -1)) for a in (banks.driving, banks.initial)])
+
+
+def _diagonal(P: Float[Array, "n n L"]) -> Float[Array, "n L"]:
+    return jnp.diagonal(P).T
+
+
+def _positive(*variances: Float[Array, "_ #L"]) -> Bool[Array, " _"]:
+    """Is none negative or not finite?"""
+    return reduce(jnp.logical_and, (jnp.all((v >= 0) & jnp.isfinite(v), axis=0) for v in variances))
 
 
 def _repeated(lanes: Any, num: int) -> Any:

@@ -31,6 +31,8 @@ from nav_jax.trajectory import Trajectory
 
 _SIZES = range(64, 129, 8)
 """Runs in a chunk: whole vectors, and enough of them to pay for a step; more come back later when interrupted."""
+_SMOOTHER_BYTES = 1_000_000_000
+"""What the covariances of all chunks that are smoothed at once may take."""
 
 
 def monte_carlo(
@@ -140,7 +142,8 @@ def compare(
     Raises
     ------
     ValueError
-        Rates that differ, outages outside the run, no fix at all, two sensors of one name, a number out of range.
+        Rates that differ, outages outside the run, no fix at all, two sensors of one name, a number out of range;
+        trajectories to keep of a smoother.
     TypeError
         The key is an integer or of the old kind.
     """
@@ -151,6 +154,8 @@ def compare(
         raise ValueError(f"gains is one of {', '.join(GAINS)}, and is {gains!r}.")
     num_runs = integer("num_runs", num_runs, 1)
     kept = sorted({integer("A run to keep", i, 0) for i in keep})
+    if kept and smooth:
+        raise ValueError("Trajectories that are kept are those of the filter: keep them without smooth=True.")
     if kept and kept[-1] >= num_runs:
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
     initial = InitialUncertainty() if initial is None else initial
@@ -167,6 +172,9 @@ def compare(
     workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
+    if smooth and chunk_size is None and not on_reference:
+        most = max(len(f.bank().states) for f in filters.values())
+        size = min(size, _smoothed_at_once(setup, 9 + most, workers))
     shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
@@ -239,6 +247,12 @@ def _chunk_size(num_runs: int, workers: int) -> int:
     if each <= smallest:
         return -(-each // step) * step
     return min(_SIZES, key=lambda size: (-(-each // size) * size, size))
+
+
+def _smoothed_at_once(setup: Setup, num_states: int, workers: int) -> int:
+    """Runs whose covariances and transitions a smoother can keep in memory."""
+    each = 2 * 8 * setup.schedule.pattern.shape[0] * num_states**2
+    return max(1, _SMOOTHER_BYTES // (each * workers))
 
 
 def _cores() -> int:

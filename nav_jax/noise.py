@@ -26,6 +26,9 @@ from nav_jax.noise_models import as_model, block_diagonal, complete_form
 from nav_jax.recorded import RecordedErrors
 from nav_jax.sensor_bank import SensorBank
 
+_ALL_START = ("DR", "SIN", "bias")
+"""Processes without driving noise: all that is random in them is how they start."""
+
 
 class ImuErrors(eqx.Module):
     """Noise of the six channels of an IMU: what is emulated, or what a filter believes.
@@ -41,7 +44,8 @@ class ImuErrors(eqx.Module):
         Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three.
     start
         ``stationary``: every process starts from its stationary distribution, if it has one (a random walk starts with
-        its first step). ``zero``: all states start at zero and are known to, as in R's navigation.
+        its first step). ``zero``: all states start at zero and are known to, as in R's navigation, but for what is
+        nothing else than its start: a drift, a sinusoid, a turn-on bias.
 
     Raises
     ------
@@ -137,7 +141,8 @@ class ImuErrors(eqx.Module):
                 start = self.bias_sd[channel] ** 2 * one
                 forms.append((SensorState(channel, "bias"), StateSpace(one, zero, jnp.ones(1), start, zero[0, 0])))
         from_zero = self.start == "zero"
-        initial = [f.initial if s.label == "bias" or not from_zero else 0 * f.initial for s, f in forms]
+        known = [from_zero and s.label.split("_")[0] not in _ALL_START for s, _ in forms]
+        initial = [0 * f.initial if is_zero else f.initial for is_zero, (_, f) in zip(known, forms, strict=True)]
         # the first state is the process; that of DR is followed by its slope, that of others by what drives it
         states = tuple(
             s if i == 0 else SensorState(s.channel, f"{s.label} slope" if s.label == "DR" else f"{s.label} driver {i}")

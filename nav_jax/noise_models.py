@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
-from gmwm_jax import GM, WN, Composite, StateSpace, parse_model, simulate
+from gmwm_jax import GM, RW, WN, Composite, StateSpace, parse_model, simulate
 from nav_jax._check import as_float, concrete, positive
 
 NoiseModel = Composite
@@ -76,10 +76,19 @@ def markov_form(model: NoiseModel, what: str) -> StateSpace:
     )
 
 
-def markov_model(white: float, processes: Sequence[tuple[float, float]]) -> NoiseModel:
-    """White noise of a variance, and Gauss-Markov processes of inverse correlation times and driving variances."""
+def markov_model(white: float, processes: Sequence[tuple[float, float]], walks: Sequence[float] = ()) -> NoiseModel:
+    """White noise of a variance, Gauss-Markov processes of inverse correlation times and driving variances, walks."""
     parts = [GM(beta, driving / -np.expm1(-2 * beta)) for beta, driving in processes]
-    return Composite((WN(white), *parts))
+    return Composite((WN(white), *parts, *(RW(gamma2) for gamma2 in walks)))
+
+
+def correlation_time(form: StateSpace, longest: float) -> tuple[float, float]:
+    """Variance of what a form adds to a sample, and the samples after which its autocorrelation is below 1/e."""
+    Phi, h, P = (np.asarray(a, dtype=float) for a in (form.transition, form.readout, form.initial))
+    variance, lag, power = h @ P @ h, 1, Phi
+    while lag < longest and h @ power @ P @ h > variance / np.e:
+        lag, power = 2 * lag, power @ power
+    return float(variance), float(lag)
 
 
 def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[Array, "N R"]:

@@ -106,7 +106,8 @@ def read_fixes(
     sensor
         `GnssPosition`, `GnssVelocity` or `Barometer`, with the standard deviations that the filter believes.
     origin
-        Latitude, longitude (rad) and height (m) of the origin of n: positions are then latitude, longitude, height.
+        Latitude, longitude (rad) and height (m) of the origin of n: positions are then latitude, longitude, height,
+        and heights of a barometer not yet above the origin.
     angles
         ``rad`` or ``deg`` for latitude and longitude; needed unless the names say it.
 
@@ -117,20 +118,24 @@ def read_fixes(
     ImportError
         The format needs the extra ``io``.
     ValueError
-        As of `read_imu`; another kind of sensor; no fix outside the outages.
+        As of `read_imu`; another kind of sensor; an origin for velocities; no fix outside the outages.
     """
     require_x64()
     if type(sensor) not in _MEASURED:
         known = ", ".join(cls.__name__ for cls in _MEASURED)
         raise ValueError(f"Fixes are read for {known}, and this is {type(sensor).__name__}: build Fixes from arrays.")
+    if origin is not None:
+        origin = real_array("The origin (latitude, longitude, height)", origin, (3,))
+        if isinstance(sensor, GnssVelocity):
+            raise ValueError("Velocities have no origin: leave origin out.")
     geodetic = isinstance(sensor, GnssPosition) and origin is not None
     names = POSITION["geodetic"] if geodetic else _MEASURED[type(sensor)]
     try:
         table = open_source(source, delimiter, variable)
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
         time, value = _seconds(read, table), read.three(names)
-        if geodetic:
-            value = ned_from_geodetic(value, real_array("The origin (latitude, longitude, height)", origin, (3,)))
+        if origin is not None:
+            value = ned_from_geodetic(value, origin) if geodetic else value - origin[2]
         kept = sensor.available(time)
         return Fixes(sensor, time[kept], value[kept])
     except ValueError as error:

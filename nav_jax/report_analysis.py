@@ -85,7 +85,9 @@ def design_report(design: Design, best: Candidate, confirmed: Comparison | None)
                 "pareto": id(c) in on_front,
                 "converged": c.converged,
                 "designed": {"loss": c.loss, **_judged(c.covariances), "filter": _keys(c.errors)},
-                "truncated": {"loss": c.loss_naive, **_judged(c.covariances_naive), "filter": _keys(c.naive)},
+                "truncated": None
+                if c.naive is None
+                else {"loss": c.loss_naive, **_judged(c.covariances_naive), "filter": _keys(c.naive)},
             }
             for c in design.candidates
         ],

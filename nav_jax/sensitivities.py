@@ -46,6 +46,12 @@ STARTS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6,
 """Parts of the uncertainty of the start."""
 
 
+def rms_of(navigation: Float[Array, "*L E 9 9"]) -> Float[Array, "*L Q E"]:
+    """RMS of each of `QUANTITIES` from covariances."""
+    variance = jnp.diagonal(navigation, axis1=-2, axis2=-1)
+    return jnp.stack([root(variance[..., jnp.array(c)].sum(axis=-1)) for c, _, _ in QUANTITIES.values()], axis=-2)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Judged):
     """Derivatives of RMS errors by parameters.
@@ -168,7 +174,7 @@ def sensitivities(
     Parameters
     ----------
     reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`.
+        See `nav_jax.analyse`; the filter knows of its start what is true.
     truth, believed
         Errors of the IMU, and what the filter believes of them; the truth if not given.
 
@@ -187,8 +193,7 @@ def sensitivities(
     def errors(vector: Array) -> tuple[Array, Array]:
         experiment, noise, filter, start = problem.parts(vector)
         N = covariances_along(experiment, motion, noise, filter.bank(), start).true.navigation[at]
-        variance = jnp.diagonal(N, axis1=1, axis2=2)
-        rms = jnp.stack([root(variance[:, jnp.array(c)].sum(axis=1)) for c, _, _ in QUANTITIES.values()])
+        rms = rms_of(N)
         return rms, rms
 
     derivative, rms = jax.jit(jax.jacfwd(errors, has_aux=True))(problem.start)
@@ -199,5 +204,5 @@ def sensitivities(
         dict(zip(QUANTITIES, np.asarray(rms), strict=True)),
         dict(zip(QUANTITIES, np.asarray(derivative), strict=True)),
         setup.outages,
-        dict(zip((s.name for s in setup.aiding), setup.fix_times, strict=True)),
+        setup.fixes,
     )

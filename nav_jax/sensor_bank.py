@@ -166,7 +166,9 @@ def step_noise(banks: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n
     )  # fmt: skip
 
 
-def _accumulate(bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> tuple[Array, ...]:
+def _accumulate(
+    bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]
+) -> tuple[Array, Array, Array, Array, Array]:
     """From `transition` to `driving` of `StepNoise`, of one bank."""
     size = len(bank.states)
     select = jnp.asarray(np.equal.outer(np.arange(len(CHANNELS)), np.array(bank.channels, dtype=int)).astype(float))

@@ -157,3 +157,13 @@ def test_slices_of_a_recording():
     with pytest.raises(ValueError, match="recording has 300 samples"):
         emulated(recorded, keys(2), 301)
     np.testing.assert_allclose(emulated(recorded, keys(1), 300).total[:, 0, 0], np.arange(300.0) - 149.5)
+
+
+def test_what_is_nothing_but_its_start_has_one_from_zero_too():
+    """The slope of a drift and the phase of a sinusoid: with a start of zero the process would not be there."""
+    model = {"accel": gj.WN(1e-4) + gj.DR(1e-5), "gyro": gj.WN(1e-6) + gj.SIN(0.1, 1e-4)}
+    zero, free = (nj.ImuErrors(**model, rate=100.0, start=start).bank() for start in ("zero", "stationary"))
+    np.testing.assert_array_equal(zero.initial, free.initial)
+    assert np.linalg.matrix_rank(zero.initial) > 0
+    driven = nj.ImuErrors(gj.WN(1e-4) + gj.RW(1e-9), gj.WN(1e-6), rate=100.0, start="zero").bank()
+    assert not driven.initial.any()

@@ -202,6 +202,7 @@ OTHER_RATE = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), 50.0)
         ({"output_interval": 6.0}, "longer than the run"),
         ({"gains": "magic"}, "gains is one of"),
         ({"keep": (7,)}, "cannot be kept"),
+        ({"keep": (1,), "smooth": True}, "are those of the filter"),
         ({"truth": recorded(300)}, "recording has 300 samples"),
     ],
 )

@@ -75,6 +75,11 @@ def test_geodetic_positions_become_local():
     np.testing.assert_allclose(found.value, [[0, 0, 0], [111.13, 0, 10]], atol=0.01)
 
 
+def test_heights_above_an_origin():
+    table = {"time": np.arange(2.0), "height": np.array([500.0, 502.0])}
+    np.testing.assert_array_equal(nj.read_fixes(table, BARO, origin=(0.8, 0.1, 500.0)).value, [[0], [2]])
+
+
 class Odometer(nj.GnssVelocity):
     """Of another kind."""
 
@@ -95,6 +100,10 @@ class Odometer(nj.GnssVelocity):
         (lambda: nj.read_imu(TABLE[::-1], units=SI), "does not increase"),
         (lambda: nj.read_imu(TABLE[:1], units=SI), "at least two are needed"),
         (lambda: nj.read_imu({**columns(), "time": TIME.astype("M8[s]")}, units=SI), "no common zero"),
+        (
+            lambda: nj.read_fixes(TABLE[:, :4], nj.GnssVelocity(1.0, horizontal=1.0, vertical=1.0), origin=(0, 0, 0)),
+            "Velocities have no origin",
+        ),
         (lambda: nj.read_fixes(TABLE, GNSS), "The columns are time, north, east, down, and there are 7"),
         (lambda: nj.read_fixes(TABLE[:, :2] * np.nan, BARO), "holds 20 values that are NaN"),
         (lambda: nj.read_fixes(TABLE, Odometer(1.0, horizontal=1.0, vertical=1.0)), "and this is Odometer"),
