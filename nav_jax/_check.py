@@ -1,6 +1,7 @@
 """Input checks: each raises an error that says what was seen and what to change."""
 
 import operator
+from typing import Any
 
 import jax
 import jax.core
@@ -103,6 +104,19 @@ def number(name: str, value: object, *, zero_ok: bool = False, negative_ok: bool
         kind = "finite" if negative_ok else "non-negative and finite" if zero_ok else "positive and finite"
         raise ValueError(f"{name} must be a {kind} number, and is {value!r}.")
     return x
+
+
+def probability(name: str, value: Any) -> float:
+    """Return a number between 0 and 1, both excluded, or raise."""
+    if not 0 < value < 1:
+        raise ValueError(f"{name} is a probability between 0 and 1, and is {value!r}.")
+    return float(value)
+
+
+def of_kind(name: str, value: object, kind: type) -> None:
+    """Raise unless a value is of a class of this package."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} must be of the class {kind.__name__}, and is {value!r}.")
 
 
 def sampling_rate(rate: object) -> float:

@@ -13,8 +13,8 @@ class _Silent:
         """Nothing."""
 
 
-def progress_bar(total: int, unit: str, wanted: bool) -> Any:
-    """A bar with ``update(n)`` and ``close()``.
+def progress_bar(total: int | None, unit: str, wanted: bool) -> Any:
+    """A bar with ``update(n)`` and ``close()``; without a total, a count.
 
     Raises
     ------

@@ -204,7 +204,8 @@ def tune(
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
     _say(f"Search from {name} ...")
-    found = known.tune(name, tune_aiding=tune_aiding, hold=hold or (), prior=prior, max_steps=max_steps)
+    asked = {"tune_aiding": tune_aiding, "hold": hold or (), "prior": prior, "max_steps": max_steps}
+    found = known.tune(name, **asked, progress=sys.stderr.isatty())
     _give(tuning_report(found), json_file, folder, plot=plot)
 
 

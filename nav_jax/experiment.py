@@ -16,7 +16,7 @@ from jax import Array
 from jaxtyping import Float, Int, Key
 
 from nav_jax import strapdown
-from nav_jax._check import integer, number
+from nav_jax._check import integer, number, of_kind
 from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
 from nav_jax.ekf import NavState, inject
@@ -73,6 +73,8 @@ class Setup:
         every: int,
         output_interval: Real,
     ):
+        of_kind("initial", initial, InitialUncertainty)
+        of_kind("earth", earth, FlatEarth)
         self.imu, self.reference = perfect_imu(reference, rate, earth)
         self.aiding = tuple(aiding)
         self.rate = rate

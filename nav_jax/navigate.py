@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, Int
 
-from nav_jax._check import increasing, integer, number, real_array
+from nav_jax._check import increasing, integer, number, of_kind, real_array
 from nav_jax._table import format_table
 from nav_jax._typing import Real
 from nav_jax.earth import FlatEarth
@@ -147,6 +147,7 @@ def prepare_navigation(
     if len(set(names)) < len(names):
         raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
     earth = FlatEarth() if earth is None else earth
+    of_kind("earth", earth, FlatEarth)
     epochs = imu.epochs
     interval = number("output_interval", output_interval)
     count = int(np.floor((epochs[-1] - epochs[0]) / interval + 1e-9))
@@ -242,10 +243,12 @@ def navigate(
     Raises
     ------
     ValueError
-        Another rate, fixes outside the record, arrays of wrong shape, two sensors of one name.
+        Another rate, fixes outside the record, arrays of wrong shape, two sensors of one name, a start or an Earth of
+        another class.
     RuntimeError
         The filter failed, and ``throw``.
     """
+    of_kind("initial", initial, InitialUncertainty)
     done = prepare_navigation(
         imu,
         aiding,

@@ -1,7 +1,8 @@
 """Parameters of noise models on the real line, by name: what is differentiated, optimised, estimated and drawn.
 
 A positive parameter is its logarithm, so that derivatives are per relative change; one between two bounds (phi, H) its
-logit. A model that three axes share has its parameters once.
+logit. Coefficients of AR(2) and higher orders share their lines, which are those of the partial autocorrelations. A
+model that three axes share has its parameters once, and a channel without noise has none.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from nav_jax._check import concrete
 from nav_jax.layout import CHANNELS
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
+from nav_jax.noise_models import NoiseModel
 
 
 class Shared(NamedTuple):
@@ -47,44 +49,54 @@ class ErrorLines(eqx.Module):
     start: Float[Array, " P"]
     """The parameters as they are."""
     groups: tuple[Shared, ...] = eqx.field(static=True)
+    sizes: tuple[int, ...] = eqx.field(static=True)
+    """Number of lines of the model of each group, without its bias: none where the amplitude is zero."""
     names: tuple[str, ...] = eqx.field(static=True)
-    """Such as ``accel GM_1 beta`` or ``gyro bias sd``."""
+    """Such as ``accel GM_1 beta``, ``accel AR(2) phi partial 1`` or ``gyro bias sd``."""
 
     def __init__(self, errors: ImuErrors):
         self.errors, self.groups = errors, shared_channels(errors)
-        names, start = [], []
+        names, start, sizes = [], [jnp.zeros(0)], []
         for group in self.groups:
             model = errors.models[group.channels[0]]
-            for label, process in zip(model.labels, model.processes, strict=True):
-                names += [f"{group.name} {label} {p.name}" for p in process.parameters]
-            start.append(model.unconstrained())
+            sizes.append(0 if _is_silent(model) else model.num_parameters)
+            if sizes[-1]:
+                for label, process in zip(model.labels, model.processes, strict=True):
+                    names += [f"{group.name} {label} {name}" for name in process.per_line()]
+                start.append(model.unconstrained())
             if group.channels[0] in errors.biased:
                 names.append(f"{group.name} bias sd")
                 start.append(jnp.log(errors.bias_sd[group.channels[0]])[None])
-        self.names, self.start = tuple(names), jnp.concatenate(start)
+        self.names, self.start, self.sizes = tuple(names), jnp.concatenate(start), tuple(sizes)
 
     def build(self, vector: Float[Array, " P"]) -> ImuErrors:
         """The errors with these parameters."""
         models, bias, at = list(self.errors.models), self.errors.bias_sd, 0
-        for group in self.groups:
-            old = models[group.channels[0]]
-            model = old.with_unconstrained(vector[at : at + old.num_parameters])
-            at += old.num_parameters
-            for channel in group.channels:
-                models[channel] = model
+        for group, size in zip(self.groups, self.sizes, strict=True):
+            if size:
+                model = models[group.channels[0]].with_unconstrained(vector[at : at + size])
+                for channel in group.channels:
+                    models[channel] = model
+            at += size
             if group.channels[0] in self.errors.biased:
                 bias = bias.at[jnp.array(group.channels)].set(jnp.exp(vector[at]))
                 at += 1
         return eqx.tree_at(lambda e: (e.models, e.bias_sd), self.errors, (tuple(models), bias))
 
     def values(self, vector: Any) -> Float[np.ndarray, " P"]:
-        """The parameters themselves, per sample."""
+        """What is on the lines, per sample: each number is a function of its own line."""
         built, out = self.build(jnp.asarray(vector)), []
-        for group in self.groups:
-            out += [float(v) for p in built.models[group.channels[0]].processes for v in p.values]
+        for group, size in zip(self.groups, self.sizes, strict=True):
+            if size:
+                out += [float(v) for p in built.models[group.channels[0]].processes for v in p.per_line().values()]
             if group.channels[0] in built.biased:
                 out.append(float(built.bias_sd[group.channels[0]]))
         return np.array(out)
+
+
+def _is_silent(model: NoiseModel) -> bool:
+    """Of one process without amplitude, which stands for no noise: others of amplitude zero are left out."""
+    return all((a := concrete(p.amplitude)) is not None and a == 0 for p in model.processes)
 
 
 class AidingLines(eqx.Module):

@@ -230,7 +230,7 @@ def plot_design(d: Design) -> Figure:
 
 
 def plot_tuning(t: Tuning) -> Figure:
-    """Each parameter relative to its start, with its interval; those that were held are marked, and why.
+    """Each parameter relative to its start, with its interval; those that the record does not show are marked.
 
     Parameters
     ----------
@@ -238,19 +238,27 @@ def plot_tuning(t: Tuning) -> Figure:
         The tuning.
     """
     figure, ((ax,),) = _frames(1, 1, (9.0, 1.6 + 0.42 * len(t.names)))
-    rows, seen = np.arange(len(t.names)), t.observable
-    factor, low, high = (x[seen] / t.start[seen] for x in (t.value, t.ci_low, t.ci_high))
+    rows = np.arange(len(t.names))
+    # a partial autocorrelation may be negative, and its interval may contain zero
+    factor = _positive(t.value / t.start)
+    low, high = np.sort([t.ci_low / t.start, t.ci_high / t.start], axis=0)
     ax.axvline(1.0, color=_INK, lw=1.0, ls=":", label="start")
     interval = f"tuned, {100 * t.level:g} % interval"
-    bars = [factor - low, high - factor]
-    ax.errorbar(factor, rows[seen], xerr=bars, fmt="o", color=COLOURS[0], capsize=4, lw=1.6, label=interval)
+    for chosen, colour, label in (
+        (t.observable, COLOURS[0], interval),
+        (t.sought & ~t.observable, COLOURS[3], "from the prior"),
+    ):
+        if chosen.any():
+            # what goes through zero goes on to the edge of the logarithmic axis
+            bars = [(factor - np.maximum(low, 0.0))[chosen], (high - factor)[chosen]]
+            ax.errorbar(factor[chosen], rows[chosen], xerr=bars, fmt="o", color=colour, capsize=4, lw=1.6, label=label)
     held = np.isin(t.names, t.held)
-    for chosen, style, label in ((~seen & ~held, "x", "not observable"), (held, "s", "held")):
+    for chosen, style, label in ((~t.sought & ~held, "x", "not observable"), (held, "s", "held")):
         if chosen.any():
             at, colour = rows[chosen], COLOURS[1] if style == "x" else _INK
             ax.plot(np.ones(len(at)), at, style, color=colour, mfc="none", ms=8, mew=1.8, label=label)
     ax.set(yticks=rows, yticklabels=t.names, xlabel="factor on the start [1]", ylim=(len(rows) - 0.5, -0.5))
-    widest = 1.3 * max(2.0, *high, *(1 / low))
+    widest = 1.3 * np.nanmax([2.0, *high, *(1 / _positive(low))])
     ax.set_xlim(1 / widest, widest)
     logarithmic(ax, "x")
     grid(ax)

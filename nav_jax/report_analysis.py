@@ -105,7 +105,7 @@ def design_report(design: Design, best: Candidate, confirmed: Comparison | None)
 def tuning_report(tuning: Tuning) -> Report:
     """The parameters before and after, and the tuned filter."""
     section = filter_section("tuned", tuning.errors, "by the innovations of a record")
-    columns = ("start", "value", "se", "ci_low", "ci_high", "observable")
+    columns = ("start", "value", "se", "ci_low", "ci_high", "sought", "lost", "observable")
     rows = zip(tuning.names, *(getattr(tuning, c).tolist() for c in columns), strict=True)
     content = {
         "converged": tuning.converged,

@@ -66,7 +66,8 @@ class Sensitivities(Judged):
         Quantity -> true RMS, SI, shape (E,).
     derivative
         Quantity -> derivative of it by the logarithm of each parameter (by the logit of one between two bounds, such
-        as phi), SI, shape (E, P). A parameter that changes by one per cent changes it by a hundredth of that.
+        as phi, or a partial autocorrelation), SI, shape (E, P). A parameter that changes by one per cent changes it by
+        a hundredth of that.
     outages, fixes
         Of each sensor, s.
     """

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 from scipy.special import stdtr
 
 from nav_jax import _distributions as dist
-from nav_jax._check import integer
+from nav_jax._check import integer, probability
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ def mean_curve(values: Float[np.ndarray, "R ..."], level: float = 0.95) -> Curve
     level
         Confidence.
     """
-    level = _probability("level", level)
+    level = probability("level", level)
     N = _runs("values", values)
     mean, se = _mean_and_se(values)
     half = dist.t_quantile(level, N - 1) * se
@@ -206,7 +206,7 @@ def rms(error: Float[np.ndarray, "R E k"], level: float = 0.95, *, per_component
     per_component
         Curves of shape (E, k) instead of (E,).
     """
-    level = _probability("level", level)
+    level = probability("level", level)
     N = _runs("error", error)
     e = error[..., None] if per_component else error
     squares = np.einsum("...i,...i->...", e, e)
@@ -240,7 +240,7 @@ def mean_nees(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95) -> 
     ValueError
         No epoch, negative squares, a dof that is no positive integer.
     """
-    level, dof = _probability("level", level), integer("dof", dof, 1)
+    level, dof = probability("level", level), integer("dof", dof, 1)
     N = _squares(nees)
     tail = (1 - level) / 2
     low, high = (float(dist.chi2_quantile(p, dof * N)) / N for p in (tail, 1 - tail))
@@ -264,7 +264,7 @@ def coverage(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95, conf
     confidence
         Of the band and of the interval; it has nothing to do with `level`.
     """
-    level, confidence = _probability("level", level), _probability("confidence", confidence)
+    level, confidence = probability("level", level), probability("confidence", confidence)
     N = _squares(nees)
     covered = nees <= dist.chi2_quantile(level, integer("dof", dof, 1))
     return _coverage(np.sum(covered, axis=0, dtype=np.float64), N, level, confidence)
@@ -293,7 +293,7 @@ def interval_coverage(
     ValueError
         Negative standard deviations, different shapes.
     """
-    level, confidence = _probability("level", level), _probability("confidence", confidence)
+    level, confidence = probability("level", level), probability("confidence", confidence)
     N = _runs("error", error)
     _runs("sd", sd)
     if error.shape != sd.shape:
@@ -322,7 +322,7 @@ def paired(a: Float[np.ndarray, " A"], b: Float[np.ndarray, " B"], level: float 
     ValueError
         Not as many of a as of b.
     """
-    level, power = _probability("level", level), _probability("power", power)
+    level, power = probability("level", level), probability("power", power)
     N = _runs("a", a)
     _runs("b", b)
     if a.shape != b.shape:
@@ -364,12 +364,6 @@ def _mean_and_se(x: np.ndarray) -> tuple[Any, Any]:
 def _coverage(covered: Any, N: int, level: float, confidence: float) -> Coverage:
     band, interval = dist.binomial_band(N, level, confidence), dist.clopper_pearson(covered, N, confidence)
     return Coverage(covered / N, *band, *interval, level, confidence, N)
-
-
-def _probability(name: str, value: float) -> float:
-    if not 0 < value < 1:
-        raise ValueError(f"{name} is a probability between 0 and 1, and is {value!r}.")
-    return float(value)
 
 
 def _runs(what: str, x: np.ndarray) -> int:

@@ -1,44 +1,38 @@
 """Noise parameters from recorded navigation data: those under which the innovations of the filter are most likely.
 
-Parameters are sought on the real line (logarithms) by a trust-region Newton method that takes the expected information
-for the second derivative (scoring), in coordinates in which it is the unit matrix at the start. What the record does
-not determine is found before the search, held at its start, and marked.
+Parameters are sought on the real line (logarithms). What the record does not determine is held at its start and marked;
+with a prior, it is sought all the same and marked as coming from there.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float64
-from scipy.optimize import minimize
 
+from nav_jax._check import integer, of_kind, probability
 from nav_jax._check import number as check_number
 from nav_jax._distributions import normal_quantile
+from nav_jax._progress import progress_bar
 from nav_jax._table import format_table, number
 from nav_jax.earth import FlatEarth
 from nav_jax.initial import InitialUncertainty
-from nav_jax.likelihood import Model, Record, loss_and_slopes
+from nav_jax.likelihood import Model, Record
 from nav_jax.measurements._base import AbstractAiding
 from nav_jax.navigate import Fixes, prepare_navigation
 from nav_jax.noise import ImuErrors
 from nav_jax.parameters import AidingLines, ErrorLines
 from nav_jax.sensors import Imu
+from nav_jax.tuning_search import Objective, search
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-UNOBSERVABLE = 1.0
-"""Standard error of a logarithm above which a record says nothing of a parameter: a factor of e either way."""
 
-_SLOPE = 1e-3
-"""In standard errors of the parameters at the start: how far from the minimum the search may end."""
-_STEP = 1e-3
-"""Of logarithms, for second derivatives: the error is of its square."""
-_WEAKEST = 1e-12
-"""Of the eigenvalues of a matrix of correlations: less is rounding."""
+_WIDEST = 20.0
+"""Half of an interval of logarithms, at most: what only a wide prior holds might leave the range of numbers."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,13 +48,21 @@ class Tuning:
     names
         Of P parameters.
     start, value
-        Before and after, per sample (factors for aiding sensors), shape (P,).
+        Before and after, per sample (factors for aiding sensors; partial autocorrelations in place of the coefficients
+        of an AR(2) or ARMA), shape (P,).
     se
-        Standard errors on the real line (of logarithms; of the logit of a phi), NaN where unobservable.
+        Standard errors on the real line (of logarithms; of the logit of a phi), NaN where not sought. They and the
+        intervals are conditional: given that what was not sought has the value at which it was held. With a prior,
+        they are those of the record and the prior together.
     ci_low, ci_high
-        Limits of the intervals, NaN where unobservable.
+        Limits of the intervals, NaN where not sought.
+    sought
+        Whether the parameter was sought; the others are at their start.
+    lost
+        Whether the search moved the parameter to where the record does not determine it, such as far below what it
+        shows. It is at its start again, which the record may contradict.
     observable
-        Whether the record determines the parameter; the others were held at their start.
+        Whether the record determines the parameter. Without a prior, what it does not determine is not sought.
     held
         Names that were not sought because it was asked for.
     loss_start, loss
@@ -81,6 +83,8 @@ class Tuning:
     se: Float64[np.ndarray, " P"]
     ci_low: Float64[np.ndarray, " P"]
     ci_high: Float64[np.ndarray, " P"]
+    sought: Bool[np.ndarray, " P"]
+    lost: Bool[np.ndarray, " P"]
     observable: Bool[np.ndarray, " P"]
     held: tuple[str, ...]
     loss_start: float
@@ -94,25 +98,38 @@ class Tuning:
         p = f"{100 * self.level:g} %"
         head = ["parameter", "start", "tuned", f"{p} low", f"{p} high", "se (log)", ""]
         rows = [
-            [name, *(number(float(x), 4) for x in row), self._remark(name, bool(seen))]
-            for name, seen, *row in zip(
-                self.names, self.observable, self.start, self.value, self.ci_low, self.ci_high, self.se, strict=True
+            [name, *(number(float(x), 4) for x in row), remark]
+            for name, remark, *row in zip(
+                self.names, self.remarks, self.start, self.value, self.ci_low, self.ci_high, self.se, strict=True
             )
         ]
         return format_table(head, rows)
 
-    def _remark(self, name: str, seen: bool) -> str:
-        if name in self.held:
-            return "held"
-        return "" if seen else "not observable: held"
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Of each parameter, why it is not what the record says; "" if it is."""
+        return tuple(
+            "held" if name in self.held
+            else "" if seen
+            else "not observable: from the prior" if sought
+            else "lost in the search: held" if lost
+            else "not observable: held"
+            for name, sought, lost, seen in zip(self.names, self.sought, self.lost, self.observable, strict=True)
+        )  # fmt: skip
 
     def __repr__(self) -> str:
-        ended = "converged" if self.converged else "NOT converged: the search ended at its step limit"
+        ended = "converged" if self.converged else "NOT converged: the search was ended before its minimum"
         gain = self.loss_start - self.loss
-        return (
-            f"Tuning by the likelihood of {self.num_innovations} innovations: {ended}\n"
-            f"log likelihood {gain:+.4g} against the start\n{self.table()}"
-        )
+        lines = [
+            f"Tuning by the likelihood of {self.num_innovations} innovations: {ended}",
+            f"log likelihood {gain:+.4g} against the start",
+            self.table(),
+        ]
+        if not self.sought.all():
+            lines.append("Standard errors and intervals are given the values of what is held.")
+        if self.lost.any():
+            lines.append("What was lost is at its start, which the record may contradict: try less, or leave it out.")
+        return "\n".join(lines)
 
     def plot(self) -> "Figure":
         """See `nav_jax.plot_analysis.plot_tuning`."""
@@ -137,6 +154,7 @@ def tune(
     every: int = 10,
     earth: FlatEarth | None = None,
     level: float = 0.95,
+    progress: bool = False,
 ) -> Tuning:
     """Find the noise parameters under which the innovations of a recorded run are most likely.
 
@@ -151,18 +169,34 @@ def tune(
     hold
         Names of parameters that are not sought.
     max_steps
-        Of the search.
+        Of the search, each time that what is observable has changed.
     prior
         Penalise the way from the start: a standard deviation of the logarithms, or their covariance (P, P).
     level
         Confidence of the intervals.
+    progress
+        Show a count of the steps (needs the extra ``app``).
+
+    Returns
+    -------
+    Tuning
+        As far as the search has come, and not converged, if it was interrupted from the keyboard.
 
     Raises
     ------
     ValueError
-        No fix, an unknown name, a prior that is no covariance, nothing that the record determines, a filter that fails
-        at the start; as of `nav_jax.navigate`.
+        No fix, an unknown name, a prior that is no covariance, a number out of range, nothing that the record
+        determines, a filter that fails at the start; as of `nav_jax.navigate`.
+
+    Notes
+    -----
+    What is observable is judged at the start and again at every solution. What is lost on the way, as a process that
+    the record does not have, goes back to its start, which may be far too much of it: leave the process out then, or
+    start from less. Of a parameter that is barely in sight, records show the large estimates only, and an interval
+    that is too short.
     """
+    level, max_steps = probability("level", level), integer("max_steps", max_steps, 1)
+    of_kind("initial", initial, InitialUncertainty)
     if not aiding:
         raise ValueError("Without aiding there are no innovations, and nothing to tune by.")
     done = prepare_navigation(
@@ -181,124 +215,40 @@ def tune(
     names, size = model.names, len(model.names)
     if unknown := sorted(set(hold) - set(names)):
         raise ValueError(f"There is no parameter {unknown[0]!r} to hold; there are {', '.join(names)}.")
-    penalty = _penalty(prior, size)
-    about = _About(record, model, penalty)
-    start = np.asarray(model.start)
-    begin = about(start)
+    objective = Objective(record, model, _penalty(prior, size))
+    begin = objective(objective.start)
     if not np.isfinite(begin.loss):
         raise ValueError("The filter fails at the start: look at the record with navigate first.")
-    sought = observable_parameters(begin.information, [i for i in range(size) if names[i] not in hold])
-    if not sought:
+    bar = progress_bar(None, "step", progress)
+    try:
+        found = search(objective, [i for i in range(size) if names[i] not in hold], max_steps, bar)
+    finally:
+        bar.close()
+    if not found.sought.any():
         raise ValueError("The record determines none of the parameters: it is too short, or its aiding too poor.")
-    basis = whitening(begin.information, sought)
-    found = minimize(
-        lambda u: about(start + basis @ u).loss - begin.loss,
-        np.zeros(len(sought)),
-        jac=lambda u: basis.T @ about(start + basis @ u).gradient,
-        hess=lambda u: basis.T @ about(start + basis @ u).information @ basis,
-        method="trust-exact",
-        options={"maxiter": max_steps, "gtol": _SLOPE},
-    )
-    vector = start + basis @ found.x
-    se = standard_errors(_hessian(about, vector, sought), sought)
-    seen = se < UNOBSERVABLE
-    z = normal_quantile(level)
-    lines = [vector + k * z * np.where(seen, se, np.nan) for k in (-1, 1)]
-    tuned, sensors = model.build(jnp.asarray(vector))
-    limits = np.stack([_values(model, np.where(seen, x, vector)) for x in lines])
+    known = found.sought & np.isfinite(found.se)
+    half = np.where(known, np.minimum(normal_quantile(level) * found.se, _WIDEST), 0.0)
+    limits = np.sort([_values(model, found.vector + x) for x in (-half, half)], axis=0)
+    tuned, sensors = model.build(jnp.asarray(found.vector))
     return Tuning(
         errors=tuned,
         aiding=sensors,
         names=names,
-        start=_values(model, np.asarray(model.start)),
-        value=_values(model, vector),
-        se=np.where(seen, se, np.nan),
-        ci_low=np.where(seen, limits.min(axis=0), np.nan),
-        ci_high=np.where(seen, limits.max(axis=0), np.nan),
-        observable=seen,
+        start=_values(model, objective.start),
+        value=_values(model, found.vector),
+        se=np.where(known, found.se, np.nan),
+        ci_low=np.where(known, limits[0], np.nan),
+        ci_high=np.where(known, limits[1], np.nan),
+        sought=found.sought,
+        lost=found.lost,
+        observable=found.observable,
         held=tuple(hold),
-        loss_start=float(begin.loss),
-        loss=float(found.fun + begin.loss - _off(penalty, vector - start)),
+        loss_start=begin.loss,
+        loss=found.loss,
         num_innovations=int(np.asarray(record.timeline.valid).sum()),
-        converged=bool(found.success),
+        converged=found.converged,
         level=level,
     )
-
-
-class _Found(NamedTuple):
-    """`Slopes` on the host, of loss and penalty."""
-
-    loss: float
-    gradient: Float64[np.ndarray, " P"]
-    information: Float64[np.ndarray, "P P"]
-
-
-class _About:
-    """Loss and penalty about a vector; the last is remembered, for which a solver asks three times."""
-
-    def __init__(self, record: Record, model: Model, penalty: Float64[np.ndarray, "P P"]):
-        self.record, self.model, self.penalty = record, model, penalty
-        self.at: Any = None
-
-    def __call__(self, vector: Float64[np.ndarray, " P"]) -> _Found:
-        if self.at is None or not np.array_equal(self.at, vector):
-            found = jax.tree.map(np.asarray, loss_and_slopes(self.record, self.model, jnp.asarray(vector)))
-            off = vector - np.asarray(self.model.start)
-            self.at = np.array(vector)
-            self.last = _Found(
-                # a filter that breaks down is as unlikely as can be
-                float(found.loss) + _off(self.penalty, off) if np.isfinite(found.loss) else np.inf,
-                np.nan_to_num(found.gradient + self.penalty @ off),
-                np.nan_to_num(found.information + self.penalty),
-            )
-        return self.last
-
-
-def _off(penalty: Float64[np.ndarray, "P P"], off: Float64[np.ndarray, " P"]) -> float:
-    return float(off @ penalty @ off) / 2
-
-
-def _hessian(about: _About, vector: Float64[np.ndarray, " P"], sought: Sequence[int]) -> Float64[np.ndarray, "P P"]:
-    """Second derivatives of loss and penalty: central differences of the gradient, which is exact."""
-    H = np.zeros((len(vector), len(vector)))
-    for i in sought:
-        h = np.zeros(len(vector))
-        h[i] = _STEP
-        H[:, i] = (about(vector + h).gradient - about(vector - h).gradient) / (2 * _STEP)
-    return (H + H.T) / 2
-
-
-def observable_parameters(info: Float64[np.ndarray, "P P"], candidates: Sequence[int]) -> list[int]:
-    """Parameters that all have a standard error below `UNOBSERVABLE`: the least sure is given up first."""
-    left = list(candidates)
-    while left:
-        errors = standard_errors(info, left)[left]
-        worst = int(np.argmax(errors))
-        if errors[worst] < UNOBSERVABLE:
-            return left
-        del left[worst]
-    return []
-
-
-def standard_errors(info: Float64[np.ndarray, "P P"], active: Sequence[int]) -> Float64[np.ndarray, " P"]:
-    """Of the active parameters, from their information; inf for others and for what is singular."""
-    out, at = np.full(len(info), np.inf), np.ix_(active, active)
-    scale = np.sqrt(np.maximum(np.diag(info)[list(active)], np.finfo(float).tiny))
-    roots, vectors = np.linalg.eigh(info[at] / np.outer(scale, scale))
-    if not np.isfinite(roots).all():
-        return out
-    inverse = np.where(roots > _WEAKEST, 1 / np.where(roots > _WEAKEST, roots, 1.0), np.inf)
-    with np.errstate(invalid="ignore"):
-        out[list(active)] = np.sqrt(np.nansum(vectors**2 * inverse, axis=1)) / scale
-    return out
-
-
-def whitening(info: Float64[np.ndarray, "P P"], sought: Sequence[int]) -> Float64[np.ndarray, "P k"]:
-    """B with B' I B = 1 over the sought parameters, zero rows for the others."""
-    at = np.ix_(sought, sought)
-    basis = np.zeros((len(info), len(sought)))
-    basis[list(sought)] = np.linalg.inv(np.linalg.cholesky(info[at])).T
-    return basis
 
 
 def _values(model: Model, vector: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, " P"]:

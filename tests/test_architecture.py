@@ -39,7 +39,7 @@ GMWM_JAX = """
     __init__
 """
 NAV_JAX = """
-    _typing _check _files _table status components
+    _typing _check _files _table _progress status components
     rotation linalg earth
     attitudes trajectory motions _columns _quantities trajectory_io
     strapdown sensors
@@ -52,7 +52,7 @@ NAV_JAX = """
     parameters lincov analysis sensitivities budget calibration
     _store results_io
     runs ranking comparison
-    monte_carlo navigate record_io likelihood tuning design_family design_search design
+    monte_carlo navigate record_io likelihood information tuning_search tuning design_family design_search design
     plot_runs plot plot_analysis config_sections config config_record report report_analysis demo cli __main__
     __init__
 """

@@ -246,6 +246,10 @@ class AbstractProcess(eqx.Module):
         """
         return [p.to_line(v) for v, p in zip(values, cls.parameters, strict=True)]
 
+    def per_line(self) -> dict[str, Any]:
+        """What each number of `unconstrained` alone decides, by name: the parameters, unless they share lines."""
+        return {p.name: v for p, v in zip(self.parameters, self.values, strict=True)}
+
     @classmethod
     def from_unconstrained(cls, vector: Float[Array, " P"]) -> "AbstractProcess":
         """Inverse of `unconstrained`."""

@@ -199,6 +199,15 @@ class AbstractArma(AbstractProcess):
         """Partial autocorrelations as in `shape_from_coordinate`, and the log of the variance."""
         return [*cls._coordinates(values[:-1]), cls.parameters[-1].to_line(values[-1])]
 
+    def per_line(self):
+        """The partial autocorrelations, those of the moving average with its sign, and the variance."""
+        if self.num_coordinates == 1:
+            return super().per_line()
+        numbers = [*range(1, self.num_ar + 1), *range(1, self.num_ma + 1)]
+        names = [f"{'phi' if k < self.num_ar else 'theta'} partial {i}" for k, i in enumerate(numbers)]
+        partial = [jnp.tanh(z / 2) for z in self._coordinates(self.shape)]
+        return dict(zip([*names, self.parameters[-1].name], [*partial, self.values[-1]], strict=True))
+
     @classmethod
     def from_unconstrained(cls, vector):
         """Inverse of `unconstrained`."""

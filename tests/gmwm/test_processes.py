@@ -411,6 +411,20 @@ def test_unconstrained_is_the_log_or_the_logit():
     np.testing.assert_allclose(AR1(0.5, 3.0).unconstrained(), np.log([1.5 / 0.5, 3.0]), rtol=1e-15)
 
 
+@pytest.mark.parametrize("case", rows())
+def test_each_line_decides_what_it_names(case):
+    for values in case.parameters[:2]:
+        process = case.cls(*values)
+        vector = process.unconstrained()
+        before = process.per_line()
+        assert len(before) == len(vector)
+        for i, name in enumerate(before):
+            after = case.cls.from_unconstrained(vector.at[i].add(0.1)).per_line()
+            assert after.pop(name) > before[name]
+            rest = {k: v for k, v in before.items() if k != name}
+            np.testing.assert_allclose([*after.values()], [*rest.values()], rtol=1e-6, atol=1e-9)
+
+
 def test_composite_unconstrained_follows_the_components():
     model = WN(2.0) + GM(0.1, 3.0) + GM(0.01, 4.0)
     vector = model.unconstrained()

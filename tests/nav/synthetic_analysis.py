@@ -99,6 +99,8 @@ def make_tuning():
         se=np.array([0.1, nan, 0.2, nan]),
         ci_low=start * [1.6, nan, 0.3, nan],
         ci_high=start * [2.5, nan, 0.8, nan],
+        sought=np.array([True, False, True, False]),
+        lost=np.full(4, False),
         observable=np.array([True, False, True, False]),
         held=("gyro WN sigma2",),
         loss_start=-100.0,

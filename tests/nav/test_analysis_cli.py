@@ -271,6 +271,8 @@ def test_tune_reads_the_record_and_starts_from_the_filter(record, tmp_path, monk
     assert content["log_likelihood_gain"] == 12.0
     assert [p["se"] for p in content["parameters"]] == [0.1, None, 0.2, None]
     assert [p["held"] for p in content["parameters"]] == [False, False, False, True]
+    assert [p["sought"] for p in content["parameters"]] == [True, False, True, False]
+    assert not any(p["lost"] for p in content["parameters"])
     assert content["aiding"] == {"gnss_position": {"n": 1.0, "e": 1.0, "d": 2.0}}
     assert content["filter"] == tomllib.loads(files["tuning.toml"].decode())["filters"]["tuned"]
 

@@ -58,6 +58,18 @@ def test_lines_are_the_parameters():
     np.testing.assert_allclose(louder[2].believed, 5 * AIDING[2].believed)
 
 
+def test_a_channel_without_noise_has_no_lines():
+    quiet = nj.ImuErrors([gj.WN(0.0), gj.WN(1e-4), gj.WN(0.0)], gj.WN(0.0), setups.RATE, gyro_bias_sd=1e-4)
+    lines = ErrorLines(quiet)
+    assert lines.names == ("accel y WN sigma2", "gyro bias sd")
+    np.testing.assert_allclose(lines.values(lines.start + 1.0), np.e * np.array([1e-4, 1e-4]))
+    other = lines.build(lines.start + 1.0)
+    np.testing.assert_allclose([float(m.processes[0].sigma2) for m in other.models], [0, np.e * 1e-4, 0, 0, 0, 0])
+    silent = ErrorLines(nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE))
+    assert silent.names == ()
+    assert silent.build(silent.start).models[0].processes[0].sigma2 == 0.0
+
+
 # -- sensitivities ----------------------------------------------------------------------------------------------------
 
 
@@ -84,6 +96,27 @@ def test_sensitivities_are_differences_of_analyses(slopes, side, name):
     difference = (high - low) / (2 * h)
     assert slopes.derivative["horizontal"][-1, column] == pytest.approx(difference, rel=1e-4)
     assert slopes.elasticity("horizontal")[-1, column] == pytest.approx(difference / rms(TRUTH, FEWER), rel=1e-4)
+
+
+def test_sensitivity_to_a_partial_autocorrelation():
+    """What is named is what is moved: both coefficients, by the recursion, as the first partial one alone changes."""
+    aiding, reference = setups.aiding(), nj.lemniscate(3.0, setups.RATE)
+    options = {"aiding": aiding, "initial": START, "every": 10}
+
+    def truth(z, r2=-0.4):
+        r1 = np.tanh(z / 2)
+        return nj.ImuErrors(gj.WN(0.0), gj.AR(2)(r1 * (1 - r2), r2, 1e-6), setups.RATE)
+
+    z, h = 2 * np.arctanh(0.9), 1e-3
+    s = nj.sensitivities(reference, truth(z), FEWER, **options)
+    assert [n for n, side in zip(s.names, s.sides, strict=True) if side == "truth"][:3] == [
+        "gyro AR(2) phi partial 1", "gyro AR(2) phi partial 2", "gyro AR(2) sigma2",
+    ]  # fmt: skip
+    high, low = (
+        nj.analyse(reference, truth(x), FEWER, **options)["filter"].rms("position")[-1] for x in (z + h, z - h)
+    )
+    assert s.derivative["position"][-1, 0] == pytest.approx((high - low) / (2 * h), rel=1e-4)
+    assert np.isfinite(s.derivative["position"]).all()
 
 
 def test_sensitivities_to_fixes_and_start(slopes):

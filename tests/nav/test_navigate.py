@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import jax
+import jaxtyping
 import numpy as np
 import pytest
 from nav import setups
@@ -124,6 +125,17 @@ def test_a_filter_that_fails_says_so(emulated):
 def test_bad_input(emulated, options, message):
     with pytest.raises(ValueError, match=message):
         navigate(emulated, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"), [({"initial": 0.1}, "InitialUncertainty"), ({"earth": 9.8}, "FlatEarth")]
+)
+def test_a_start_or_an_earth_of_another_class(emulated, options, message, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # which is not there outside of tests
+    with pytest.raises(ValueError, match=f"must be of the class {message}"):
+        navigate(emulated, **options)
+    with pytest.raises(ValueError, match=f"must be of the class {message}"):
+        nj.prepare(REFERENCE, SENSORS, rate=setups.RATE, **options)
 
 
 @pytest.mark.parametrize(

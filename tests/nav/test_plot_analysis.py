@@ -224,8 +224,32 @@ def test_parameters_before_and_after_a_tuning():
     assert ax.get_title() == "300 innovations: log likelihood +12"
 
 
+def test_a_tuning_with_a_prior_and_a_negative_partial_autocorrelation():
+    """An interval through zero goes on to the edge of the logarithmic axis; what the prior knows is marked."""
+    t, nan = make_tuning(), np.nan
+    t = replace(
+        t,
+        names=("gyro AR(2) phi partial 1", *t.names[1:]),
+        start=np.array([-0.2, *t.start[1:]]),
+        value=np.array([-0.1, *t.value[1:]]),
+        ci_low=np.array([-0.3, 0.5 * t.start[1], *t.ci_low[2:]]),
+        ci_high=np.array([0.1, 2 * t.start[1], *t.ci_high[2:]]),
+        se=np.array([0.1, 0.7, 0.2, nan]),
+        sought=np.array([True, True, True, False]),
+    )
+    figure = t.plot()
+    figure.canvas.draw()
+    assert set(texts(figure.legends[0])) == {"start", "tuned, 95 % interval", "from the prior", "held"}
+    shown, prior = figure.axes[0].containers
+    first = shown.lines[2][0].get_segments()[0][:, 0]
+    assert first[0] < figure.axes[0].get_xlim()[0]
+    assert first[1] == pytest.approx(1.5)
+    np.testing.assert_allclose(prior.lines[0].get_xydata(), [[1, 1]])
+    assert "from the prior" in repr(t)
+
+
 def test_a_tuning_that_did_not_converge_says_so():
-    t = replace(make_tuning(), converged=False, observable=np.full(4, True), held=())
+    t = replace(make_tuning(), converged=False, sought=np.full(4, True), observable=np.full(4, True), held=())
     t = replace(t, ci_low=0.9 * t.value, ci_high=1.1 * t.value)
     figure = t.plot()
     assert figure.axes[0].get_title().endswith("NOT converged")
