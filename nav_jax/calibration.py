@@ -206,6 +206,8 @@ def _draws(
     for group in lines.groups:
         fit, result = fits[group.channels[0]], results[group.channels[0]]
         kept = _kept_parameters(fit)
+        if not kept:
+            continue
         part = slice(at, at + len(kept))
         C = np.zeros((fit.model.num_parameters,) * 2)
         if fit.covariance is None:
@@ -227,7 +229,7 @@ def _draws(
             C = np.atleast_2d(np.cov(deviation[np.isfinite(deviation).all(axis=1)], rowvar=False))
         draws[:, part] += deviation
         covariance[part, part] = C
-        at = part.stop + (group.channels[0] in lines.errors.biased)
+        at = part.stop
     return draws, covariance
 
 

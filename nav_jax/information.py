@@ -11,6 +11,10 @@ from jaxtyping import Bool, Float64
 UNOBSERVABLE = 1.0
 """Standard error of a logarithm above which a record says nothing of a parameter."""
 
+ADMITTED = 0.5
+"""The same for what is to be added to parameters that are known already: what is barely in sight is seen where its
+estimate happens to be high, and would be taken up and given up again."""
+
 _WEAKEST = 1e-12
 """Of the eigenvalues of a matrix of correlations: less is rounding."""
 _SHARE = 1e-6
@@ -28,7 +32,9 @@ def standard_errors(info: Float64[np.ndarray, "P P"], active: Sequence[int]) -> 
 def observable_parameters(
     info: Float64[np.ndarray, "P P"], candidates: Sequence[int], keep: Sequence[int] = ()
 ) -> list[int]:
-    """Parameters that all have a standard error below `UNOBSERVABLE`: the least sure is given up first.
+    """Parameters that all have a standard error below a limit: the least sure is given up first.
+
+    The limit is `UNOBSERVABLE`, or `ADMITTED` of what is to join others.
 
     Parameters
     ----------
@@ -39,11 +45,12 @@ def observable_parameters(
     keep
         Those of them that are not given up.
     """
-    left = list(candidates)
+    left, limit = list(candidates), ADMITTED if keep else UNOBSERVABLE
     while True:
         errors, lost = _errors(info, left)
         spare = [k for k, i in enumerate(left) if i not in keep]
-        if not spare or np.all(~lost & (errors < UNOBSERVABLE)):
+        limits = np.where(np.isin(left, keep), UNOBSERVABLE, limit)
+        if not spare or np.all(~lost & (errors < limits)):
             return left
         del left[max(spare, key=lambda k: (lost[k], errors[k]))]
 

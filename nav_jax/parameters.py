@@ -20,6 +20,9 @@ from nav_jax.measurements._base import AbstractAiding
 from nav_jax.noise import ImuErrors
 from nav_jax.noise_models import NoiseModel
 
+SENSORS = {"accel": (0, 1, 2), "gyro": (3, 4, 5)}
+"""Their channels."""
+
 
 class Shared(NamedTuple):
     """Channels with one model."""
@@ -29,17 +32,27 @@ class Shared(NamedTuple):
 
 
 def shared_channels(errors: ImuErrors) -> tuple[Shared, ...]:
-    """The three axes of a sensor together where their models and biases are the same, else one by one."""
-    bias = concrete(errors.bias_sd)
+    """The three axes of a sensor together where their models are the same, else one by one."""
     groups = []
-    for sensor, first in (("accel", 0), ("gyro", 3)):
-        channels = tuple(range(first, first + 3))
-        same = all(bool(eqx.tree_equal(errors.models[first], errors.models[c])) for c in channels)
-        if same and (bias is None or np.ptp(bias[first : first + 3]) == 0):
-            groups.append(Shared(sensor, channels))
-        else:
-            groups += [Shared(CHANNELS[c], (c,)) for c in channels]
+    for sensor, channels in SENSORS.items():
+        first = errors.models[channels[0]]
+        same = all(bool(eqx.tree_equal(first, errors.models[c])) for c in channels)
+        groups += _together(sensor, channels, same)
     return tuple(groups)
+
+
+def shared_biases(errors: ImuErrors) -> tuple[Shared, ...]:
+    """As `shared_channels`, of the turn-on biases, of those channels that have one."""
+    sd, groups = concrete(errors.bias_sd), []
+    for sensor, channels in SENSORS.items():
+        biased = tuple(c for c in channels if c in errors.biased)
+        same = biased == channels and (sd is None or np.ptp(sd[list(channels)]) == 0)
+        groups += _together(sensor, biased, same)
+    return tuple(groups)
+
+
+def _together(sensor: str, channels: tuple[int, ...], same: bool) -> list[Shared]:
+    return [Shared(sensor, channels)] if same else [Shared(CHANNELS[c], (c,)) for c in channels]
 
 
 class ErrorLines(eqx.Module):
@@ -50,12 +63,14 @@ class ErrorLines(eqx.Module):
     """The parameters as they are."""
     groups: tuple[Shared, ...] = eqx.field(static=True)
     sizes: tuple[int, ...] = eqx.field(static=True)
-    """Number of lines of the model of each group, without its bias: none where the amplitude is zero."""
+    """Number of lines of the model of each group: none where the amplitude is zero."""
+    biases: tuple[Shared, ...] = eqx.field(static=True)
+    """Their standard deviations come last."""
     names: tuple[str, ...] = eqx.field(static=True)
     """Such as ``accel GM_1 beta``, ``accel AR(2) phi partial 1`` or ``gyro bias sd``."""
 
     def __init__(self, errors: ImuErrors):
-        self.errors, self.groups = errors, shared_channels(errors)
+        self.errors, self.groups, self.biases = errors, shared_channels(errors), shared_biases(errors)
         names, start, sizes = [], [jnp.zeros(0)], []
         for group in self.groups:
             model = errors.models[group.channels[0]]
@@ -64,9 +79,8 @@ class ErrorLines(eqx.Module):
                 for label, process in zip(model.labels, model.processes, strict=True):
                     names += [f"{group.name} {label} {name}" for name in process.per_line()]
                 start.append(model.unconstrained())
-            if group.channels[0] in errors.biased:
-                names.append(f"{group.name} bias sd")
-                start.append(jnp.log(errors.bias_sd[group.channels[0]])[None])
+        names += [f"{group.name} bias sd" for group in self.biases]
+        start += [jnp.log(errors.bias_sd[group.channels[0]])[None] for group in self.biases]
         self.names, self.start, self.sizes = tuple(names), jnp.concatenate(start), tuple(sizes)
 
     def build(self, vector: Float[Array, " P"]) -> ImuErrors:
@@ -78,9 +92,8 @@ class ErrorLines(eqx.Module):
                 for channel in group.channels:
                     models[channel] = model
             at += size
-            if group.channels[0] in self.errors.biased:
-                bias = bias.at[jnp.array(group.channels)].set(jnp.exp(vector[at]))
-                at += 1
+        for x, group in zip(vector[at:], self.biases, strict=True):
+            bias = bias.at[jnp.array(group.channels)].set(jnp.exp(x))
         return eqx.tree_at(lambda e: (e.models, e.bias_sd), self.errors, (tuple(models), bias))
 
     def values(self, vector: Any) -> Float[np.ndarray, " P"]:
@@ -89,9 +102,7 @@ class ErrorLines(eqx.Module):
         for group, size in zip(self.groups, self.sizes, strict=True):
             if size:
                 out += [float(v) for p in built.models[group.channels[0]].processes for v in p.per_line().values()]
-            if group.channels[0] in built.biased:
-                out.append(float(built.bias_sd[group.channels[0]]))
-        return np.array(out)
+        return np.array(out + [float(built.bias_sd[group.channels[0]]) for group in self.biases])
 
 
 def _is_silent(model: NoiseModel) -> bool:

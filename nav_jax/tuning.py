@@ -1,7 +1,7 @@
 """Noise parameters from recorded navigation data: those under which the innovations of the filter are most likely.
 
-Parameters are sought on the real line (logarithms). What the record does not determine is held at its start and marked;
-with a prior, it is sought all the same and marked as coming from there.
+Parameters are sought on the real line (logarithms). What the record does not determine is held and marked; with a
+prior, it is sought all the same and marked as coming from there.
 """
 
 from collections.abc import Sequence
@@ -57,10 +57,10 @@ class Tuning:
     ci_low, ci_high
         Limits of the intervals, NaN where not sought.
     sought
-        Whether the parameter was sought; the others are at their start.
+        Whether the parameter was sought to the end; the others are at their start, or lost.
     lost
         Whether the search moved the parameter to where the record does not determine it, such as far below what it
-        shows. It is at its start again, which the record may contradict.
+        shows. It is held there, and has no interval.
     observable
         Whether the record determines the parameter. Without a prior, what it does not determine is not sought.
     held
@@ -112,7 +112,7 @@ class Tuning:
             "held" if name in self.held
             else "" if seen
             else "not observable: from the prior" if sought
-            else "lost in the search: held" if lost
+            else "lost in the search: held there" if lost
             else "not observable: held"
             for name, sought, lost, seen in zip(self.names, self.sought, self.lost, self.observable, strict=True)
         )  # fmt: skip
@@ -128,7 +128,7 @@ class Tuning:
         if not self.sought.all():
             lines.append("Standard errors and intervals are given the values of what is held.")
         if self.lost.any():
-            lines.append("What was lost is at its start, which the record may contradict: try less, or leave it out.")
+            lines.append("What was lost is held where the search left it: the record may do without that process.")
         return "\n".join(lines)
 
     def plot(self) -> "Figure":
@@ -191,9 +191,8 @@ def tune(
     Notes
     -----
     What is observable is judged at the start and again at every solution. What is lost on the way, as a process that
-    the record does not have, goes back to its start, which may be far too much of it: leave the process out then, or
-    start from less. Of a parameter that is barely in sight, records show the large estimates only, and an interval
-    that is too short.
+    the record does not have, is held where the search has left it: try the model without it. Of a parameter that is
+    barely in sight, records show the large estimates only, and an interval that is too short.
     """
     level, max_steps = probability("level", level), integer("max_steps", max_steps, 1)
     of_kind("initial", initial, InitialUncertainty)

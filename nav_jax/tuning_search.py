@@ -2,8 +2,8 @@
 
 A trust-region Newton method takes the expected information for the second derivative (scoring), in coordinates in which
 it is the unit matrix where the search begins. What is observable depends on where one stands. So it is judged at the
-start, and again at every solution: what turned out not to be observable goes back to its start and stays there, what
-has become observable is sought too, and the search goes on until neither happens.
+start, and again at every solution: what the record no longer determines, such as a variance on its way to zero, is held
+where it has got, what has become observable is sought too, and the search goes on until neither happens.
 """
 
 from collections.abc import Sequence
@@ -76,9 +76,9 @@ class Solution(NamedTuple):
 
     vector: Float64[np.ndarray, " P"]
     sought: Bool[np.ndarray, " P"]
-    """What the search has moved; the others are at their start."""
+    """What the search has moved to its minimum; others are at their start, or lost."""
     lost: Bool[np.ndarray, " P"]
-    """What it moved to where the record does not determine it, and put back."""
+    """What it moved to where the record does not determine it, and held there."""
     observable: Bool[np.ndarray, " P"]
     """What the record determines without a penalty."""
     se: Float64[np.ndarray, " P"]
@@ -120,7 +120,6 @@ def search(objective: Objective, candidates: Sequence[int], max_steps: int, bar:
         if wanted == sought:
             break
         sought = wanted
-        vector = np.where(np.isin(everywhere, sought), vector, objective.start)
     is_sought, lost = np.isin(everywhere, sought), np.isin(everywhere, sorted(given_up))
     shown = standard_errors(here.information, candidates) < UNOBSERVABLE if penalised else is_sought
     se = standard_errors(H, sought)

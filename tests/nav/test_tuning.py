@@ -222,18 +222,17 @@ def test_what_becomes_observable_on_the_way_is_sought():
     np.testing.assert_allclose(found.vector, [0.0, -2.0], atol=1e-3)
 
 
-def test_what_is_lost_on_the_way_goes_back_to_its_start():
+def test_what_is_lost_on_the_way_is_held_where_it_has_got():
     """There is no b: a search for it has no end, though at its start it is in sight. Nothing goes round in circles."""
     objective = Variances([0.5, 0.0], [1.0, 1.0])
     assert observable_parameters(objective(objective.start).information, [0, 1]) == [0, 1]
     for max_steps in (1, 3, 5, 7):
         short = searched(objective, max_steps)
         assert short.converged == (max_steps == 7)
-        np.testing.assert_array_equal(short.vector[~short.sought], objective.start[~short.sought])
         assert (short.se[short.sought] < 1).all()
     found = searched(objective)
     assert found.converged
-    assert found.vector[1] == 0.0
+    assert found.vector[1] < -3.0
     np.testing.assert_array_equal(found.sought, [True, False])
     np.testing.assert_array_equal(found.lost, [False, True])
     np.testing.assert_array_equal(found.observable, [True, False])
@@ -253,7 +252,7 @@ def test_what_only_the_prior_knows_is_marked():
 
 
 def test_an_interrupted_search_is_as_far_as_it_came():
-    """Also where what was lost by then has to go back."""
+    """Also where something was lost by then."""
 
     class Bar:
         def __init__(self, steps):
@@ -269,10 +268,10 @@ def test_an_interrupted_search_is_as_far_as_it_came():
         assert not found.converged
         assert objective(found.vector).loss < objective(objective.start).loss
         np.testing.assert_array_equal(found.sought, [True, False])
-        assert found.vector[1] == objective.start[1]
+        assert found.lost[1] == (found.vector[1] != objective.start[1])
 
 
-def test_a_process_that_is_not_there_is_at_its_start(record, monkeypatch):
+def test_a_process_that_is_not_there_is_lost(record, monkeypatch):
     """The search drives a random walk of the accelerometers towards zero; one program does all rounds."""
     imu, fixes, start = record
     guess = nj.ImuErrors(gj.WN(1e-3) + gj.RW(1e-7), TRUTH.models[3], RATE)
@@ -284,11 +283,13 @@ def test_a_process_that_is_not_there_is_at_its_start(record, monkeypatch):
     k = found.names.index("accel RW gamma2")
     assert rounds.count > 1
     assert counted.count <= 1
-    assert found.remarks[k] == "lost in the search: held"
-    assert repr(found).endswith("try less, or leave it out.")
-    assert found.value[k] == pytest.approx(1e-7, rel=1e-12)
+    assert found.remarks[k] == "lost in the search: held there"
+    assert repr(found).endswith("the record may do without that process.")
+    # what the record contradicts is not kept
+    assert found.value[k] < 1e-9
+    assert found.loss_start - found.loss > 15
     assert np.isnan([found.se[k], found.ci_low[k], found.ci_high[k]]).all()
-    held = ~found.sought
+    held = ~found.sought & ~found.lost
     np.testing.assert_array_equal(log(found.errors)[held], log(guess)[held])
 
 
