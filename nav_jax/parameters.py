@@ -46,7 +46,7 @@ def shared_biases(errors: ImuErrors) -> tuple[Shared, ...]:
     sd, groups = concrete(errors.bias_sd), []
     for sensor, channels in SENSORS.items():
         biased = tuple(c for c in channels if c in errors.biased)
-        same = biased == channels and (sd is None or np.ptp(sd[list(channels)]) == 0)
+        same = biased == channels and (sd is None or len({*sd[list(channels)].tolist()}) == 1)
         groups += _together(sensor, biased, same)
     return tuple(groups)
 
