@@ -185,6 +185,8 @@ def design(
     _give(design_report(found, best, confirmed), json_file, folder, plot=plot)
     if confirmed is not None:
         _tell_of_runs(confirmed)
+    if not found.complete:
+        raise KeyboardInterrupt("Interrupted: the larger structures are missing.")
 
 
 @_command

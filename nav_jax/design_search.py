@@ -74,6 +74,7 @@ class Search:
         """The best filter of a structure; `found` are those of smaller ones."""
         starts = self.family.starts(structure)
         mask = self.family.mask(structure)
+        # one by one: how many there are differs, and each number would be another program
         at_start = np.concatenate(
             [np.asarray(_losses(self.courses, self.family, *self._lanes([s], mask), self.objective)) for s in starts]
         )

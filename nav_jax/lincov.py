@@ -171,7 +171,7 @@ def linear_covariance(
     truth, believed
         Errors of the IMU as they are, and as the filter believes them. Either may be L of them, as ``jax.vmap(build)(
         parameters)`` gives them: with a leading axis of L in every array. All results have it then. That is as pure as
-        ``jax.vmap(linear_covariance)``, and three times as fast, since it keeps the L filters as the last axis.
+        ``jax.vmap(linear_covariance)``, and twice as fast or more, since it keeps the L filters as the last axis.
     believed_initial
         What the filter believes of its start; the true uncertainty if not given.
     motion
@@ -208,7 +208,7 @@ def covariances_of_many(
     ValueError
         Several truths, and another number of filters.
     """
-    timeline, aiding = experiment.timeline, noises.aiding
+    timeline = experiment.timeline
     true_lanes, our_lanes = len(noises.start), len(ours.white)
     if 1 != true_lanes != our_lanes != 1:
         raise ValueError(f"{true_lanes} truths and {our_lanes} filters: as many of both are wanted, or one of either.")

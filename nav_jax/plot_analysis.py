@@ -253,13 +253,17 @@ def plot_tuning(t: Tuning) -> Figure:
             bars = [(factor - np.maximum(low, 0.0))[chosen], (high - factor)[chosen]]
             ax.errorbar(factor[chosen], rows[chosen], xerr=bars, fmt="o", color=colour, capsize=4, lw=1.6, label=label)
     held = np.isin(t.names, t.held)
-    for chosen, style, label in ((~t.sought & ~held, "x", "not observable"), (held, "s", "held")):
+    for chosen, style, label in ((~t.sought & ~t.lost & ~held, "x", "not observable"), (held, "s", "held")):
         if chosen.any():
             at, colour = rows[chosen], COLOURS[1] if style == "x" else _INK
             ax.plot(np.ones(len(at)), at, style, color=colour, mfc="none", ms=8, mew=1.8, label=label)
     ax.set(yticks=rows, yticklabels=t.names, xlabel="factor on the start [1]", ylim=(len(rows) - 0.5, -0.5))
     widest = 1.3 * np.nanmax([2.0, *high, *(1 / _positive(low))])
     ax.set_xlim(1 / widest, widest)
+    if t.lost.any():
+        # far off, as a variance on its way to zero
+        at = np.clip(np.nan_to_num(factor[t.lost]), 1.1 / widest, widest / 1.1)
+        ax.plot(at, rows[t.lost], "D", color=COLOURS[1], mfc="none", ms=7, mew=1.8, label="lost in the search")
     logarithmic(ax, "x")
     grid(ax)
     gain = f"log likelihood {t.loss_start - t.loss:+.4g}" + ("" if t.converged else ", NOT converged")

@@ -224,6 +224,17 @@ def test_parameters_before_and_after_a_tuning():
     assert ax.get_title() == "300 innovations: log likelihood +12"
 
 
+def test_what_a_tuning_lost_is_at_the_edge():
+    t = make_tuning()
+    value = t.value * [1, 1e-9, 1, 1]
+    (ax,) = replace(t, value=value, lost=np.array([False, True, False, False])).plot().axes
+    marked = {one.get_label(): one.get_xydata() for one in ax.lines}
+    assert "not observable" not in marked
+    ((x, row),) = marked["lost in the search"]
+    assert row == 1
+    assert ax.get_xlim()[0] < x < 0.3
+
+
 def test_a_tuning_with_a_prior_and_a_negative_partial_autocorrelation():
     """An interval through zero goes on to the edge of the logarithmic axis; what the prior knows is marked."""
     t, nan = make_tuning(), np.nan
