@@ -15,8 +15,8 @@ from nav_jax.design_family import Family, Start, Structure
 from nav_jax.error_model import Motion
 from nav_jax.experiment import Experiment
 from nav_jax.linalg import log_det_and_trace
-from nav_jax.lincov import Noise, covariances_of_many
-from nav_jax.sensor_bank import SensorBank, alone
+from nav_jax.lincov import Noise, covariances_along
+from nav_jax.sensor_bank import SensorBank
 
 _BROKEN = 1e10
 """Loss of a filter that breaks down: as bad as can be."""
@@ -34,19 +34,19 @@ class Course(eqx.Module):
     """The segments that count."""
 
 
-def mean_losses(courses: tuple[Course, ...], banks: SensorBank, objective: str) -> Float[Array, " L"]:
-    """Mean over the scenarios, of the filters with these states."""
-    total = jnp.zeros(len(banks.white))
+def mean_loss(courses: tuple[Course, ...], bank: SensorBank, objective: str) -> Float[Array, ""]:
+    """Mean over the scenarios, of the filter with these states."""
+    total = jnp.zeros(())
     for course in courses:
         e = course.experiment
-        found = covariances_of_many(e, course.motion, alone(course.noise), banks, e.initial)
-        T, C = (jnp.moveaxis(c.navigation[:, course.epochs], (2, 3), (0, 1)) for c in (found.true, found.claimed))
+        found = covariances_along(e, course.motion, course.noise, bank, e.initial)
+        T, C = (jnp.moveaxis(c.navigation[course.epochs], 0, -1) for c in (found.true, found.claimed))
         if objective == "error":
             losses = jnp.log(jnp.trace(T[:3, :3])) / 2
         else:
             log_det, trace = log_det_and_trace(C, T)
             losses = (log_det + trace) / 2
-        total = total + jnp.mean(losses, axis=1)
+        total = total + jnp.mean(losses)
     return total / len(courses)
 
 
@@ -74,25 +74,29 @@ class Search:
         """The best filter of a structure; `found` are those of smaller ones."""
         starts = self.family.starts(structure)
         mask = self.family.mask(structure)
-        # one by one: how many there are differs, and each number would be another program
-        at_start = np.concatenate(
-            [np.asarray(_losses(self.courses, self.family, *self._lanes([s], mask), self.objective)) for s in starts]
-        )
+        at_start = np.array([self._loss(s, mask) for s in starts])
         order = np.argsort(at_start)
         chosen = [starts[i] for i in order[: self.num_starts]]
         chosen += [self.family.extended(found[s].best, s, structure) for s in _smaller(structure, found)][:1]
         # always as many lanes: a search of fewer would be another program
         lanes = self._lanes([*chosen, *[chosen[0]] * (self.num_starts + 1 - len(chosen))], mask)
         ended = _descend(self.courses, self.family, *lanes, self.objective, self.max_steps)
-        ends, reached, converged = (np.asarray(a)[: len(chosen)] for a in ended)
+        vectors, converged = (np.asarray(a)[: len(chosen)] for a in ended)
+        ends = [s._replace(vector=v, is_part=False) for s, v in zip(chosen, vectors, strict=True)]
+        reached = [self._loss(s, mask) for s in ends]
         best, first = int(np.argmin(reached)), starts[order[0]]
         return Ended(
-            chosen[best]._replace(vector=ends[best], is_part=False),
-            float(reached[best]),
+            ends[best],
+            reached[best],
             bool(converged[best]),
             first if first.is_part else None,
             float(at_start[order[0]]) if first.is_part else np.nan,
         )
+
+    def _loss(self, start: Start, mask: Any) -> float:
+        # one by one: how many there are differs, and each number would be another program
+        loss = float(_loss(self.courses, self.family, start.vector, mask, start.walks, self.objective))
+        return loss if np.isfinite(loss) else _BROKEN
 
     def _lanes(self, starts: Sequence[Start], mask: Any) -> tuple[Any, Any, Any]:
         vectors, walks = (jnp.asarray(np.stack([s[i] for s in starts])) for i in range(2))
@@ -106,11 +110,10 @@ def _smaller(structure: Structure, found: Mapping[Structure, Ended]) -> list[Str
 
 
 @eqx.filter_jit
-def _losses(
-    courses: tuple[Course, ...], family: Family, vectors: Array, masks: Array, walks: Array, objective: str
-) -> Float[Array, " lanes"]:
-    """Of many filters at once."""
-    return mean_losses(courses, jax.vmap(family.bank)(vectors, masks, walks), objective)
+def _loss(
+    courses: tuple[Course, ...], family: Family, vector: Any, mask: Array, walks: Any, objective: str
+) -> Float[Array, ""]:
+    return mean_loss(courses, family.bank(jnp.asarray(vector), mask, jnp.asarray(walks)), objective)
 
 
 @eqx.filter_jit
@@ -122,19 +125,16 @@ def _descend(
     walks: Array,
     objective: str,
     max_steps: int,
-) -> tuple[Array, Array, Array]:
-    """Vectors, losses and whether they converged, of all lanes at once."""
+) -> tuple[Array, Array]:
+    """Vectors and whether they converged, of all lanes at once."""
     solver = optx.BFGS(rtol=1e-5, atol=1e-5)
 
     def one(start: Array, mask: Array, walk: Array):
         def loss(x: Array, _: None) -> Array:
-            value = mean_losses(courses, alone(family.bank(x, mask, walk)), objective)[0]
-            return jnp.where(jnp.isfinite(value), value, _BROKEN)
+            value = mean_loss(courses, family.bank(x, mask, walk), objective)
+            return jnp.where(jnp.isfinite(value), value, _BROKEN) + _PULL * jnp.sum((x - start) ** 2)
 
-        def pulled(x: Array, _: None) -> Array:
-            return loss(x, None) + _PULL * jnp.sum((x - start) ** 2)
-
-        found = optx.minimise(pulled, solver, start, max_steps=max_steps, throw=False)
-        return found.value, loss(found.value, None), found.result == optx.RESULTS.successful
+        found = optx.minimise(loss, solver, start, max_steps=max_steps, throw=False)
+        return found.value, found.result == optx.RESULTS.successful
 
     return jax.vmap(one)(vectors, masks, walks)

@@ -116,10 +116,10 @@ def update(
         # (1 - K H) P (1 - K H)' + K r K'
         left = P - K[:, None] * u[None]
         right = jnp.sum(h[None, :, None] * left[:, :9], axis=1)
-        P = left - right[:, None] * K[None] + r * K[:, None] * K[None]
-        return symmetrise(P), Update(K, s)
+        return left - right[:, None] * K[None] + r * K[:, None] * K[None], Update(K, s)
 
-    return jax.lax.scan(scalar, P, (H, variance, valid))
+    P, done = jax.lax.scan(scalar, P, (H, variance, valid))
+    return symmetrise(P), done
 
 
 def correction(
