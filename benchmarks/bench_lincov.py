@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import nav_case as case
 import numpy as np
-from common import Report, fresh, repeated, seconds
+from common import Report, fresh, interleaved, repeated, seconds
 
 import gmwm_jax as gj
 import nav_jax as nj
@@ -116,7 +116,8 @@ def accuracy(report: Report, reference: nj.Trajectory, duration: float, num: int
 def many(report: Report) -> None:
     """64 filters at once, in a process with a device for each core."""
     seen = fresh(__file__, "--many").answer
-    rows = [[n, seconds(seen[k])] for n, k in (("1", "one"), ("64, one core", "all"), ("64, on both cores", "shared"))]
+    names = {"1": "one", "64, jax.vmap": "mapped", "64, stacked": "all", "64, stacked, on both cores": "shared"}
+    rows = [[n, seconds(seen[k])] for n, k in names.items()]
     report.table("Filters with 6 states in one call, a truth with 15, every 10", ["filters", "later calls"], rows)
     for name, k in (("one core", "all"), ("both cores", "shared")):
         report.bar(f"64 filters in one call over one, {name}", "<= 20", f"{seen[k] / seen['one']:.1f}", "", "")
@@ -139,11 +140,19 @@ def time_many() -> None:
         filters = jax.vmap(build)(scale)
         return nj.linear_covariance(e, case.FILTERS["right"], filters, motion=motion).true.navigation[:, -1]
 
+    @eqx.filter_jit
+    def mapped(scale):
+        def one(s):
+            return nj.linear_covariance(e, case.FILTERS["right"], build(s), motion=motion).true.navigation[-1]
+
+        return jax.vmap(one)(scale)
+
     scale = jnp.linspace(0.5, 2.0, 64)
     mesh = jax.make_mesh((2,), ("filters",), axis_types=(jax.sharding.AxisType.Auto,))
     shared = jax.device_put(scale, jax.NamedSharding(mesh, jax.P("filters")))
     given = {"one": scale[:1], "all": scale, "shared": shared}
-    print(json.dumps({name: repeated(lambda x=x: positions(x), 5).median for name, x in given.items()}))
+    functions = {name: lambda x=x: positions(x) for name, x in given.items()} | {"mapped": lambda: mapped(scale)}
+    print(json.dumps({name: time.median for name, time in interleaved(functions, 9).items()}))
 
 
 def cost(e: nj.Experiment, motion: object):

@@ -7,8 +7,8 @@ along the trajectories at hand. Over filter models WN + k GM on each axis the ex
 
 is minimised by its gradient: linear covariances, differentiated through the whole run. It is a proper score: a filter
 gains by small errors (log det C, once C is about T) and by claims that are true; ``error`` asks for small errors only.
-Every structure (number of processes of accelerometers and of gyros) is a mask on one compiled program, and all of them,
-from several starts, are sought at once.
+Every structure (number of processes of accelerometers and of gyros) is a mask on one compiled program. They are sought
+one after the other, smaller ones first: each search also starts from the best smaller filter with a weak process more.
 """
 
 from collections.abc import Mapping, Sequence

@@ -126,7 +126,7 @@ def _descend(
     objective: str,
     max_steps: int,
 ) -> tuple[Array, Array]:
-    """Vectors and whether they converged, of all lanes at once."""
+    """Vectors and whether they converged, of all starts of a structure at once."""
     solver = optx.BFGS(rtol=1e-5, atol=1e-5)
 
     def one(start: Array, mask: Array, walk: Array):

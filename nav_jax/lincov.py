@@ -171,7 +171,7 @@ def linear_covariance(
     truth, believed
         Errors of the IMU as they are, and as the filter believes them. Either may be L of them, as ``jax.vmap(build)(
         parameters)`` gives them: with a leading axis of L in every array. All results have it then. That is as pure as
-        ``jax.vmap(linear_covariance)``, and twice as fast or more, since it keeps the L filters as the last axis.
+        ``jax.vmap(linear_covariance)``, and twice as fast, since it keeps the L filters as the last axis.
     believed_initial
         What the filter believes of its start; the true uncertainty if not given.
     motion
