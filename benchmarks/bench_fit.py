@@ -97,7 +97,7 @@ def main() -> None:
 
 def speed(report: Report) -> None:
     repeats = 1 if report.quick else 5
-    imports = ("import jax", "import gmwm_jax", "import gmwm_jax.cli")
+    imports = ("import jax", "import gmwm_jax", "import gmwm_jax.app.cli")
     ways = {f"`{statement}`": ("-c", statement) for statement in imports}
     ways[f"import, fit {SIX}, six channels"] = (__file__, "--child")
     ways["the same and their intervals"] = (__file__, "--child", "--intervals")

@@ -14,9 +14,9 @@ jax.config.update("jax_enable_x64", True)
 from common import Report, compilations, fresh, seconds
 from nav_case import errors, options, reference
 
-from nav_jax import monte_carlo
-from nav_jax.emulation import write_out
-from nav_jax.experiment import draw_inputs, gains_of, prepare, run_filter, run_keys
+from nav_jax.filter.experiment import draw_inputs, gains_of, prepare, run_filter, run_keys
+from nav_jax.imu.emulation import write_out
+from nav_jax.simulation import campaign as monte_carlo
 
 PEER = {1: 1.75, 10: 1.25}
 MODES = {"every step": ("estimate", 1), "every 10th": ("estimate", 10), "reference": ("reference", 1)}

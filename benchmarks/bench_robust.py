@@ -16,7 +16,7 @@ from common import Report, interleaved, seconds
 from scipy.optimize import brentq
 
 import gmwm_jax as gj
-from gmwm_jax.robust import biweight
+from gmwm_jax.variance.robust import biweight
 
 R_SECONDS = {10**6: 6.489}
 

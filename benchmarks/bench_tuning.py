@@ -19,7 +19,7 @@ from common import Report, seconds
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax.rotation import quat_from_rotvec, quat_multiply
+from nav_jax.kinematics.rotation import quat_from_rotvec, quat_multiply
 
 RATE = 100.0
 TRUTH = nj.ImuErrors(gj.WN(6e-5) + gj.GM(5e-4, 4e-7), gj.WN(1.5e-6) + gj.GM(3e-4, 1e-8), RATE)

@@ -9,7 +9,7 @@ def main() -> None:
 
     jax.config.update("jax_enable_x64", True)
     try:
-        from gmwm_jax.cli import app
+        from gmwm_jax.app.cli import app
     except ModuleNotFoundError as error:
         if error.name != "typer":
             raise

@@ -17,8 +17,8 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from gmwm_jax._check import as_float, sampling_rate
-from gmwm_jax.continuous import ContinuousForm, continuous_form
+from gmwm_jax._internal.checks import as_float, sampling_rate
+from gmwm_jax.processes.continuous import ContinuousForm, continuous_form
 from gmwm_jax.processes.registry import process_class
 
 STANDARD_GRAVITY = 9.80665

@@ -9,7 +9,7 @@ def main() -> None:
 
     jax.config.update("jax_enable_x64", True)
     try:
-        from nav_jax.cli import app
+        from nav_jax.app.cli import app
     except ModuleNotFoundError as error:
         if error.name not in ("typer", "pydantic"):
             raise

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from gmwm_jax import datasets
-from gmwm_jax.cli import app
+from gmwm_jax.app.cli import app
 from gmwm_jax.processes.registry import PROCESSES
-from nav_jax.cli import app as nav_app
-from nav_jax.config import read_config
+from gmwm_jax.recordings import datasets
+from nav_jax.app.cli import app as nav_app
+from nav_jax.app.comparison_file import read_config
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 

@@ -18,14 +18,14 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float
 
-from gmwm_jax._check import concrete, integer, spans
-from gmwm_jax._typing import PRNGKey
-from gmwm_jax.processes import _doubling
-from gmwm_jax.processes._arma_covariance import haar_covariance
-from gmwm_jax.processes._base import AbstractProcess, scaled
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.checks import concrete, integer, spans
+from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax.processes._maths import doubling as _doubling
+from gmwm_jax.processes._maths.arma_covariance import haar_covariance
+from gmwm_jax.processes.base import AbstractProcess, scaled
 from gmwm_jax.processes.gauss_markov import AR1
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 MAX_ORDER = 10
 """Of either part: beyond it differences of that order lose digits, and no wavelet variance tells so many apart."""

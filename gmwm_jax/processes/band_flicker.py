@@ -26,15 +26,15 @@ import numpy as np
 from jax import Array, lax
 from jaxtyping import Float
 
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes import _power_law
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._circulant import draw_stationary
-from gmwm_jax.processes._cosine_integral import cosine_integral
-from gmwm_jax.processes._haar import Points, nine_terms
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes._maths import power_law as _power_law
+from gmwm_jax.processes._maths.circulant import draw_stationary
+from gmwm_jax.processes._maths.cosine_integral import cosine_integral
+from gmwm_jax.processes._maths.haar import Points, nine_terms
+from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.flicker import BI
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 # Lower than the first corner, seen from the longest span, it is a drift, and higher than the second flicker noise, to
 # all digits a fit can see; within 1 % for the other two.

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 
 class DR(AbstractProcess):

@@ -9,14 +9,14 @@ from jax import Array
 from jaxtyping import Float
 from scipy.optimize import nnls
 
-from gmwm_jax._check import as_float, integer, positive
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes import _power_law
-from gmwm_jax.processes._base import AbstractProcess, Composite
-from gmwm_jax.processes._circulant import draw_stationary
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.checks import as_float, integer, positive
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes._maths import power_law as _power_law
+from gmwm_jax.processes._maths.circulant import draw_stationary
+from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.gauss_markov import GM
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 _POINTS_PER_GM = 30
 _STRETCHES = np.geomspace(1.0, 3.0, 13)

@@ -9,12 +9,12 @@ from jax import Array
 from jax.scipy.special import gamma
 from jaxtyping import Float
 
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes import _power_law
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._circulant import draw_stationary
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes._maths import power_law as _power_law
+from gmwm_jax.processes._maths.circulant import draw_stationary
+from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 _END = math.log(1e9)
 """Bounds of the logit of H: nearer to 0 or 1 the wavelet variance of 2^24 samples changes by less than 4e-8."""

@@ -31,13 +31,13 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._safe import exp_cubic, exp_ratio, haar_exp, sinh_excess
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._haar import gap, second_differences
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._recursion import first_order_recursion
-from gmwm_jax.processes._state_space import StateSpace, scalar_state
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes._maths.haar import gap, second_differences
+from gmwm_jax.processes._maths.recursion import first_order_recursion
+from gmwm_jax.processes._series import exp_cubic, exp_ratio, haar_exp, sinh_excess
+from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace, scalar_state
 
 # Beyond these the process is a random walk (beta tau -> 0) or white noise (phi -> 0) to all digits a fit can see.
 _SMALLEST_BETA_TAU = 1e-9

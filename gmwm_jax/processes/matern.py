@@ -35,14 +35,22 @@ import scipy.special
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._safe import exp_cubic, exp_ratio, exp_tail, four_sinh_squared, haar_exp, series_or, sinh_ratio
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._haar import gap, second_differences
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._recursion import first_order_recursion
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes._maths.haar import gap, second_differences
+from gmwm_jax.processes._maths.recursion import first_order_recursion
+from gmwm_jax.processes._series import (
+    exp_cubic,
+    exp_ratio,
+    exp_tail,
+    four_sinh_squared,
+    haar_exp,
+    series_or,
+    sinh_ratio,
+)
+from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.gauss_markov import GM
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 # Nearer to white noise than this, a fit reports it: the wavelet variance differs by less than 1 %.
 _WHITE_NOISE_BETA = 10.0

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._haar import second_differences, where_filters_overlap
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._recursion import first_order_recursion
-from gmwm_jax.processes._state_space import StateSpace, scalar_state
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes._maths.haar import second_differences, where_filters_overlap
+from gmwm_jax.processes._maths.recursion import first_order_recursion
+from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace, scalar_state
 
 
 class RW(AbstractProcess):

@@ -4,15 +4,15 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from gmwm_jax.processes._base import AbstractProcess, Composite
-from gmwm_jax.processes._parameter import Fixed
 from gmwm_jax.processes.arma import AR, ARMA, MA
 from gmwm_jax.processes.band_flicker import FLK
+from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
 from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.matern import MAT32, MAT52
+from gmwm_jax.processes.parameter import Fixed
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.sinusoid import SIN

@@ -9,10 +9,10 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._typing import PRNGKey, Scalar
-from gmwm_jax.processes._base import AbstractProcess
-from gmwm_jax.processes._parameter import Parameter
-from gmwm_jax.processes._state_space import StateSpace
+from gmwm_jax._internal.typing import PRNGKey, Scalar
+from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.state_space import StateSpace
 
 # Slower than the first, it is a drift to all digits a fit can see; slower than the second, a drift within 1 %.
 _SMALLEST_BETA_TAU = 1e-4

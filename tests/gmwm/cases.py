@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from gmwm_jax.processes._base import AbstractProcess
 from gmwm_jax.processes.arma import AR, ARMA, MA
 from gmwm_jax.processes.band_flicker import FLK
+from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN

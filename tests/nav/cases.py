@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from scipy.spatial.transform import Rotation
 
-from nav_jax import motions
+from nav_jax.trajectory import motions
 
 POINTS = [[0, 0, 0], [200, 0, -10], [350, 150, -20], [250, 350, -20], [0, 300, 0], [-150, 150, 0], [0, 0, -5]]
 TIMES = [0.0, 8.0, 18.0, 30.0, 42.0, 51.0, 60.0]

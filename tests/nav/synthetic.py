@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nav_jax.runs import Runs, Track
+from nav_jax.simulation.runs import Runs, Track
 
 OUTAGE = (60.0, 80.0)
 DIRECTION = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])

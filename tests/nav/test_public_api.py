@@ -46,7 +46,7 @@ def test_functions_of_many_parameters_explain_them():
         name
         for name in exported()
         if inspect.isfunction(f := inspect.unwrap(getattr(nav_jax, name)))
-        if f.__module__ != "nav_jax.motions"
+        if f.__module__ != "nav_jax.trajectory.motions"
         if len(inspect.signature(f).parameters) > 3
         if not ("Parameters\n" in (doc := inspect.getdoc(f) or "") or "Parameters as in" in doc)
     ]

@@ -1,0 +1,288 @@
+"""The command line: ``gmwm-jax wv | fit | select | units | data | demo``; a leaf: arguments in, results out."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import jax
+import typer
+
+from gmwm_jax.app.demo import run_demo
+from gmwm_jax.app.options import (
+    Channels,
+    Columns,
+    Delimiter,
+    Efficiency,
+    File,
+    Json,
+    Level,
+    Plot,
+    Rate,
+    Robust,
+    Seed,
+    Time,
+    TimeUnit,
+    Unit,
+    beside,
+    command,
+    pairs,
+    read,
+    say,
+    weights_of,
+    write_figure,
+    write_json,
+)
+from gmwm_jax.fitting.estimator import fit as fit_model
+from gmwm_jax.fitting.result import Fit, Status
+from gmwm_jax.fitting.tables import continuous_table
+from gmwm_jax.fitting.weights import COVARIANCE, DEFAULT
+from gmwm_jax.inference.bootstrapping import bootstrap as replicate
+from gmwm_jax.inference.candidates import Selection
+from gmwm_jax.inference.selection import select as select_model
+from gmwm_jax.processes.datasheet import from_datasheet
+from gmwm_jax.processes.registry import parse_model
+from gmwm_jax.recordings import datasets
+from gmwm_jax.recordings.files import save_recording
+from gmwm_jax.units import SI_SIGNALS, convert
+from gmwm_jax.variance.allan import allan_deviation, read_off
+from gmwm_jax.variance.wavelet import wavelet_variance
+
+app = typer.Typer(
+    help="Noise models of inertial sensors from static recordings (wavelet variance, GMWM).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+data_app = typer.Typer(help="Named data sets: public recordings, and simulated ones.", no_args_is_help=True)
+app.add_typer(data_app, name="data")
+
+
+@command(app)
+def wv(
+    file: File,
+    channels: Channels = "all",
+    rate: Rate = None,
+    unit: Unit = None,
+    time: Time = None,
+    time_unit: TimeUnit = "s",
+    columns: Columns = None,
+    delimiter: Delimiter = None,
+    level: Level = 0.95,
+    method: Annotated[str, typer.Option(help="modwt or dwt.")] = "modwt",
+    levels: Annotated[int | None, typer.Option(help="Number of scales; floor(log2 N) - 1 by default.")] = None,
+    allan: Annotated[bool, typer.Option("--allan", help="Allan deviation, with N, B and K read off.")] = False,
+    robust: Robust = False,
+    efficiency: Efficiency = 0.6,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Wavelet variance (or Allan deviation) with confidence intervals."""
+    rec = read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    result = wavelet_variance(
+        rec, method=method, num_levels=levels, level=level, efficiency=efficiency if robust else None
+    )
+    content: dict[str, Any] = {"rate": rec.rate, "num_samples": len(rec), "level": level}
+    if allan:
+        adev = allan_deviation(result)
+        tables = {name: read_off(adev[i]) for i, name in enumerate(result.channels)}
+        say(json_file, "\n\n".join([repr(adev), *(f"{name}: {table}" for name, table in tables.items())]))
+        write_figure(plot, lambda: adev.plot())
+        content["times"] = adev.times
+        content["channels"] = {
+            name: {
+                "unit": one.wv.units[0],
+                "deviation": one.deviation,
+                "ci_low": one.ci_low,
+                "ci_high": one.ci_high,
+                "read_off": tables[name].to_list(),
+            }
+            for name, one in ((name, adev[name]) for name in result.channels)
+        }
+    else:
+        say(json_file, repr(result))
+        write_figure(plot, lambda: result.plot())
+        content["scales"] = result.scales
+        content["channels"] = {
+            name: {"unit": one.units[0], "variance": one.variance, "ci_low": one.ci_low, "ci_high": one.ci_high}
+            for name, one in result.items()
+        }
+    write_json(json_file, content)
+
+
+@command(app)
+def fit(
+    file: File,
+    model: Annotated[str, typer.Option(help='For example "WN + RW + 2*GM" or "WN + GM(beta=0.01 fixed)".')],
+    channels: Channels = "all",
+    rate: Rate = None,
+    unit: Unit = None,
+    time: Time = None,
+    time_unit: TimeUnit = "s",
+    columns: Columns = None,
+    delimiter: Delimiter = None,
+    level: Level = 0.95,
+    datasheet: Annotated[
+        str | None, typer.Option(help="Datasheet entries to draw: 'N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)'.")
+    ] = None,
+    weights: Annotated[
+        str, typer.Option(help="default, two-step (less bias), covariance (smallest errors) or iterated.")
+    ] = DEFAULT,
+    robust: Robust = False,
+    efficiency: Efficiency = 0.6,
+    bootstrap: Annotated[int, typer.Option(help="Replicates for intervals and a test of fit, 500 say.")] = 0,
+    seed: Seed = 0,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Fit a noise model to each channel: parameters with intervals, for a filter and as a datasheet has them."""
+    rec = read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    lines = None
+    if datasheet is not None:
+        promised, signal = from_datasheet(pairs(datasheet), rec.rate)
+        lines = {signal: promised}
+    wv = wavelet_variance(rec, efficiency=efficiency if robust else None)
+    fits = fit_model(wv, model, omega=weights_of(weights), level=level, throw=False)
+    singles = [fits] if isinstance(fits, Fit) else list(fits.values())
+    boots = [replicate(one, bootstrap, key=jax.random.key(seed), progress=True) for one in singles] if bootstrap else []
+    tables = [repr(one) for one in singles] + ([] if isinstance(fits, Fit) else [repr(fits)])
+    say(json_file, "\n\n".join(tables + [repr(boot) for boot in boots]))
+    write_figure(plot, lambda: fits.plot(datasheet=lines))
+    for boot in boots:
+        write_figure(beside(plot, f"bootstrap_{boot.fit.wv.channels[0]}"), boot.plot)
+    content = [one.to_dict() for one in singles]
+    for one, boot in zip(content, boots, strict=bool(boots)):
+        one["bootstrap"] = boot.to_dict()
+    write_json(json_file, content)
+    for one in singles:
+        if one.status is not Status.converged:
+            typer.echo(f"Warning: {one.wv.channels[0]}: {one.status.value}", err=True)
+
+
+@command(app)
+def select(
+    file: File,
+    model: Annotated[
+        list[str],
+        typer.Option(
+            help='All sub-models of "WN + QN + RW + DR + 3*GM"; given several times, only these are compared.'
+        ),
+    ],
+    channels: Channels = "all",
+    rate: Rate = None,
+    unit: Unit = None,
+    time: Time = None,
+    time_unit: TimeUnit = "s",
+    columns: Columns = None,
+    delimiter: Delimiter = None,
+    level: Level = 0.95,
+    weights: Annotated[
+        str, typer.Option(help="Of the superset, for all models: covariance, default, two-step or iterated.")
+    ] = COVARIANCE,
+    robust: Robust = False,
+    efficiency: Efficiency = 0.6,
+    bootstrap: Annotated[int, typer.Option(help="Replicates for the optimism, in place of theory.")] = 0,
+    seed: Seed = 0,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Rank models by what they would say of other data, and recommend the simplest that none is better than."""
+    rec = read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    found = select_model(
+        wavelet_variance(rec, efficiency=efficiency if robust else None),
+        model[0] if len(model) == 1 else model,
+        nested=len(model) == 1,
+        omega=weights_of(weights),
+        num_replicates=bootstrap,
+        key=jax.random.key(seed),
+        level=level,
+        progress=True,
+    )
+    singles = [found] if isinstance(found, Selection) else list(found.values())
+    say(
+        json_file, "\n\n".join([repr(one) for one in singles] + ([] if isinstance(found, Selection) else [repr(found)]))
+    )
+    write_figure(plot, found.plot)
+    write_json(json_file, [one.to_dict() for one in singles])
+
+
+@command(app)
+def units(
+    value: Annotated[float | None, typer.Argument(help="A number to convert,")] = None,
+    source: Annotated[str | None, typer.Argument(help="its unit,")] = None,
+    target: Annotated[str | None, typer.Argument(help="and the unit wanted.")] = None,
+    model: Annotated[str | None, typer.Option(help="Per-sample model to continuous time and datasheet units.")] = None,
+    datasheet: Annotated[str | None, typer.Option(help="Datasheet entries 'N=0.15 deg/sqrt(h)' to a model.")] = None,
+    rate: Rate = None,
+    signal: Annotated[str, typer.Option(help="SI unit of the signal of --model: rad/s, m/s^2 or 1.")] = "rad/s",
+    json_file: Json = None,
+) -> None:
+    """Convert a number between units, or a model between per-sample, continuous-time and datasheet form.
+
+    gmwm-jax units 0.15 "deg/sqrt(h)" "rad/s/sqrt(Hz)"
+
+    gmwm-jax units --model "WN(sigma2=1e-5) + GM(beta=0.01, variance=1e-7)" --rate 100
+
+    gmwm-jax units --datasheet "N=0.15 deg/sqrt(h)" --rate 400
+    """
+    if value is not None:
+        if source is None or target is None:
+            raise ValueError('A number is converted from one unit to another: units 0.15 "deg/h" "rad/s".')
+        converted = convert(value, source, target)
+        say(json_file, f"{value:g} {source} = {converted:.10g} {target}")
+        write_json(json_file, {"value": converted, "unit": target})
+    elif model is not None or datasheet is not None:
+        if rate is None:
+            raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
+        if signal not in SI_SIGNALS:
+            raise ValueError("--signal is rad/s, m/s^2 or 1; parameters are SI")
+        if datasheet is not None:
+            composite, signal = from_datasheet(pairs(datasheet), rate)
+        else:
+            composite = parse_model(model or "")
+        tables = [continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
+        say(json_file, f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}")
+        lists = {"continuous": tables[0].to_list(), "datasheet": tables[1].to_list()}
+        write_json(json_file, {"model": repr(composite), "rate": rate, **lists})
+    else:
+        raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")
+
+
+@command(data_app, "list")
+def data_list(json_file: Json = None) -> None:
+    """List the public recordings and the sensors that can be simulated."""
+    recordings = [datasets.info(name)._asdict() for name in datasets.names()]
+    sensors = {name: {c: repr(m) for c, m in datasets.sensor_models(name).items()} for name in datasets.sensors()}
+    lines = [f"{known['name']:20s} {known['description']}" for known in recordings]
+    say(json_file, "\n".join([*lines, *(f"{name:20s} simulated: {', '.join(m)}" for name, m in sensors.items())]))
+    write_json(json_file, {"recordings": recordings, "simulated": sensors})
+
+
+@command(data_app, "fetch")
+def data_fetch(name: str) -> None:
+    """Fetch a public recording (once) and print where it is."""
+    typer.echo(datasets.fetch(name))
+
+
+@command(data_app, "simulate")
+def data_simulate(
+    sensor: str,
+    out: Annotated[Path, typer.Option(help="Target, .npz.")],
+    samples: Annotated[int, typer.Option(help="Length of the record.")] = 360_000,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    plot: Plot = None,
+) -> None:
+    """Draw a static recording of a sensor.
+
+    The parameter values are estimated with this package from the wavelet variances published with SMAC-Group/imudata.
+    """
+    rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
+    typer.echo(f"{rec}\n{save_recording(rec, out)}")
+    write_figure(plot, rec.plot)
+
+
+@command(app)
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("out"),
+    samples: Annotated[int, typer.Option(help="Length of the simulated recording.")] = 1_000_000,
+) -> None:
+    """Simulate a static MTi-G recording, fit it, compare with the truth; figures and tables."""
+    run_demo(out, samples, typer.echo)

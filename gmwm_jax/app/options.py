@@ -1,0 +1,155 @@
+"""What the commands share: options, the way in, tables and files out, one message for a bad input."""
+
+import functools
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import matplotlib.pyplot as plt
+import typer
+from matplotlib.figure import Figure
+
+from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax.fitting.weights import DEFAULT, STEPPED
+from gmwm_jax.recordings import datasets
+from gmwm_jax.recordings.files import read_recording
+from gmwm_jax.recordings.recording import Recording
+
+
+def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a function a command that turns errors of input into one message and exit code 1."""
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(function)
+        def run(*args: Any, **options: Any) -> None:
+            try:
+                function(*args, **options)
+            except (ValueError, KeyError, OSError, ImportError) as error:
+                text = error.args[0] if isinstance(error, KeyError) else error
+                typer.echo(f"Error: {_as_options(str(text))}", err=True)
+                raise typer.Exit(1) from error
+
+        return group.command(name)(run)
+
+    return register
+
+
+_OPTIONS = {"units": "unit", "num_levels": "levels"} | {n: n for n in ("rate", "time", "columns", "delimiter")}
+
+
+def _as_options(text: str) -> str:
+    """Arguments that a message speaks of, as the command line calls them: ``rate=...`` is ``--rate``."""
+    return re.sub(r"\b(\w+)=\.\.\.", lambda m: f"--{_OPTIONS[m[1]]}" if m[1] in _OPTIONS else m[0], text)
+
+
+def _figure_file(path: Path | None) -> Path | None:
+    if path is not None and path.suffix.lower() not in _FIGURES:
+        raise typer.BadParameter(f"figures are {', '.join(_FIGURES)}, not {str(path)!r}")
+    return path
+
+
+_FIGURES = (".png", ".pdf", ".svg")
+
+File = Annotated[
+    Path, typer.Argument(help="Recording: .npy, .npz, .csv, .tsv, .txt, .parquet, .rda; or the name of a data set.")
+]
+Channels = Annotated[str, typer.Option(help="'all', or names separated by commas; a group such as 'gyro' too.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate in Hz, if the file does not state it.")]
+Unit = Annotated[
+    str | None, typer.Option(help="Unit of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'.")
+]
+Time = Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")]
+TimeUnit = Annotated[str, typer.Option(help="Unit of that column: s, ms, us, ns, min or h.")]
+Columns = Annotated[str | None, typer.Option(help="Columns to read: names or numbers (from 0), separated by commas.")]
+Delimiter = Annotated[str | None, typer.Option(help="Of a text file, if it is not to be found.")]
+Level = Annotated[float, typer.Option(help="Confidence of the intervals.")]
+Robust = Annotated[bool, typer.Option("--robust", help="Wavelet variance that gives outliers no weight.")]
+Efficiency = Annotated[float, typer.Option(help="Of the robust wavelet variance, relative to the classic one.")]
+Seed = Annotated[int, typer.Option(help="Of the random numbers.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the results as JSON; '-' for the screen.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).", callback=_figure_file)]
+
+
+def read(
+    file: Path,
+    channels: str,
+    rate: float | None,
+    unit: str | None,
+    time: str | None,
+    time_unit: str,
+    columns: str | None,
+    delimiter: str | None,
+) -> Recording:
+    """The recording that the options speak of."""
+    units = None if unit is None else pairs(unit) if "=" in unit else unit
+    if str(file) in datasets.names() and not file.exists():
+        file = datasets.fetch(str(file))
+    rec = read_recording(
+        file,
+        rate=rate,
+        units=units,
+        columns=None if columns is None else [_column(part) for part in columns.split(",")],
+        time=None if time is None else _column(time),
+        time_unit=time_unit,
+        delimiter=delimiter,
+    )
+    if channels == "all":
+        return rec
+    return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
+
+
+def weights_of(name: str) -> str | None:
+    """Weights as `fit` takes them."""
+    known = (DEFAULT, *STEPPED)
+    if name not in known:
+        raise ValueError(f"--weights is {', '.join(known)}, and not {name!r}.")
+    return None if name == DEFAULT else name
+
+
+def _column(text: str) -> int | str:
+    return int(text) if text.strip().isdigit() else text.strip()
+
+
+def pairs(text: str) -> dict[str, str]:
+    """The parts of ``name=value,name=value``."""
+    found = {}
+    for part in text.split(","):
+        name, equals, value = part.partition("=")
+        if not equals:
+            raise ValueError(f"Cannot read {part.strip()!r}: expected name=value, several separated by commas.")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def say(json_file: Path | None, text: str) -> None:
+    """Print a table, unless the screen is for JSON."""
+    if json_file is None or str(json_file) != "-":
+        typer.echo(text)
+
+
+def write_json(path: Path | None, content: Any) -> None:
+    """Write to a file, or to the screen for ``-``."""
+    if path is None:
+        return
+    text = json.dumps(content, indent=1, default=lambda array: array.tolist(), allow_nan=False)
+    if str(path) == "-":
+        typer.echo(text)
+    else:
+        write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def write_figure(path: Path | None, draw: Callable[[], Figure]) -> None:
+    """Draw and write, if a file is named."""
+    if path is None:
+        return
+    plt.switch_backend("Agg")
+    figure = draw()
+    write_atomically(path, lambda file: figure.savefig(file, format=path.suffix.lower().lstrip("."), dpi=150))
+    plt.close(figure)
+
+
+def beside(path: Path | None, what: str) -> Path | None:
+    """The name of one more figure: ``fit.png`` -> ``fit_what.png``."""
+    return None if path is None else path.with_stem(f"{path.stem}_{what}")

@@ -1,0 +1,337 @@
+"""What a fit is: the estimates, how sure they are, in which units, and how well they describe the data."""
+
+import enum
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._internal.checks import agreed_rate, sampling_rate
+from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.fitting.standard_errors import delta_method, normal_quantile, parameter_covariance
+from gmwm_jax.fitting.tables import AT, ZERO, EstimateTable, continuous_table, parameter_table
+from gmwm_jax.fitting.weights import COVARIANCE, ITERATED, covariance_weights, two_step_weights
+from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.random_walk import RW
+from gmwm_jax.processes.white_noise import WN
+from gmwm_jax.variance.gap_covariance import covariance_under
+from gmwm_jax.variance.wavelet import WaveletVariance
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Status(enum.Enum):
+    """How the search for the minimum ended."""
+
+    converged = "converged"
+    stalled = "stopped at the step limit with a slope left: the objective is close to its minimum, not at it"
+    unsettled = "the iterated weights still change after 20 rounds"
+    non_finite = "no finite objective: the wavelet variance or the weights are beyond floating point"
+
+
+@dataclass(frozen=True, repr=False)
+class Fit:
+    """A model fitted to the wavelet variance of one channel.
+
+    Attributes
+    ----------
+    model
+        The estimated model, parameters per sample, components of a kind from the shortest correlation time on. A
+        component that the data push to zero stays in it with amplitude 0.
+    wv
+        What it was fitted to.
+    objective
+        Q = (nu_hat - nu)' Omega (nu_hat - nu) at the estimate.
+    omega
+        Omega, shape (J, J).
+    weights
+        Where Omega is from: ``default``, ``two-step``, ``covariance``, ``iterated`` or ``given``.
+    status
+        How the search ended.
+    at_boundary
+        Label of a component -> what became of it: its amplitude is zero, or its correlation time has left the range
+        that the record can show.
+    agreement
+        Share of the descents that came to this same minimum.
+    rate
+        Hz, None if unknown.
+    level
+        Confidence of the intervals.
+    """
+
+    model: Composite
+    wv: WaveletVariance
+    objective: float
+    omega: Float[np.ndarray, "J J"]
+    weights: str
+    status: Status
+    at_boundary: Mapping[str, str] = field(default_factory=dict)
+    agreement: float = 1.0
+    rate: float | None = None
+    level: float = 0.95
+
+    # -- the fit --------------------------------------------------------------------------------------------------
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return self.wv.units[0]
+
+    @cached_property
+    def fitted(self) -> Float[np.ndarray, " J"]:
+        """nu(theta_hat) at the scales of the data."""
+        return np.asarray(self.model.wavelet_variance(self.wv.scales))
+
+    @property
+    def residuals(self) -> Float[np.ndarray, " J"]:
+        """nu_hat - nu(theta_hat)."""
+        return self.wv.variance - self.fitted
+
+    @cached_property
+    def whitened_residuals(self) -> Float[np.ndarray, " J"]:
+        """L' (nu_hat - nu) with Omega = L L'; the objective is the sum of their squares."""
+        return np.linalg.cholesky(self.omega).T @ self.residuals
+
+    def decomposition(self) -> dict[str, Float[np.ndarray, " J"]]:
+        """The wavelet variance of each component, by label; they add up to `fitted`."""
+        tau = self.wv.scales
+        return {
+            label: np.asarray(p.wavelet_variance(tau))
+            for label, p in zip(self.model.labels, self.model.processes, strict=True)
+        }
+
+    @cached_property
+    def reduced(self) -> Composite:
+        """The model that the data show, for filters and simulations: what is zero left out, what is at a limit as it.
+
+        A Gauss-Markov process whose correlation time has left the range is its random walk or white noise here, added
+        to those of the model.
+        """
+        kept: list[AbstractProcess] = []
+        limits: dict[type[AbstractProcess], float] = {}
+        for label, p in zip(self.model.labels, self.model.processes, strict=True):
+            note = self.at_boundary.get(label, "")
+            form = p.state_space() if note in (f"{AT}random walk", f"{AT}white noise") else None
+            if form is not None and note == f"{AT}random walk":
+                limits[RW] = limits.get(RW, 0.0) + float(form.driving[0, 0])
+            elif form is not None:
+                limits[WN] = limits.get(WN, 0.0) + float(form.readout @ form.initial @ form.readout)
+            elif note != ZERO:
+                kept.append(p)
+        for cls, amplitude in limits.items():
+            amplitude += sum(float(p.amplitude) for p in kept if isinstance(p, cls))
+            build: Any = cls
+            kept = [*(p for p in kept if not isinstance(p, cls)), build(amplitude)]
+        return Composite(kept or [WN(0.0)])
+
+    # -- uncertainty ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def active(self) -> tuple[int, ...]:
+        """Positions of the parameters that were estimated and lie inside their range."""
+        positions, at = [], 0
+        for label, p in zip(self.model.labels, self.model.processes, strict=True):
+            note = self.at_boundary.get(label, "")
+            for q in p.parameters:
+                inside = not note or (note != ZERO and q is p.parameters[-1])
+                if inside and q.name not in p.fixed:
+                    positions.append(at)
+                at += 1
+        return tuple(positions)
+
+    @cached_property
+    def wv_covariance(self) -> Float[np.ndarray, "J J"] | None:
+        """Covariance of the wavelet variance under the fitted model; None where there is no theory for it.
+
+        It needs the length of the record, all scales 2 .. 2^J, the MODWT, and a model without SIN.
+        """
+        return covariance_under(self.model, self.wv)
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "P P"] | None:
+        """Covariance of the active parameters on the real line (log; logit for phi); None as `wv_covariance`."""
+        if self.wv_covariance is None or not self.active:
+            return None
+        whitener = np.linalg.cholesky(self.omega).T
+        return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
+
+    def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
+        """Smallest variance that weights can give, over that with `omega`, of each active parameter; to first order.
+
+        Parameters
+        ----------
+        omega
+            Weights, by default those of this fit.
+
+        Returns
+        -------
+        Between 0 and 1; None where there is no theory of the wavelet variance.
+        """
+        V = self.wv_covariance
+        if V is None or not self.active:
+            return None
+        best, used = covariance_weights(self.model, V), self.omega if omega is None else omega
+        variances = [
+            np.diag(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(o).T, V))
+            for o in (best, used)
+        ]
+        return variances[0] / variances[1]
+
+    # -- tables ---------------------------------------------------------------------------------------------------
+
+    def parameters(self) -> EstimateTable:
+        """The parameters per sample, with intervals symmetric on the log (for phi: logit) scale."""
+        errors = np.full(self.model.num_parameters, np.nan)
+        if self.covariance is not None:
+            errors[list(self.active)] = np.sqrt(np.diag(self.covariance))
+            if any(p.num_coordinates > 1 for p in self.model.processes):  # the real line mixes their parameters
+                errors = np.asarray(delta_method(_lines, self.model, self.active, self.covariance))
+        return parameter_table(self.model, self.unit, errors=errors, **self._at_level())
+
+    def continuous(self, rate: float | None = None) -> EstimateTable:
+        """What a Kalman filter wants: continuous-time quantities in SI.
+
+        WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s], q of the driving noise [u^2/s]
+        and the correlation time 1/beta [s].
+
+        Parameters
+        ----------
+        rate
+            Sampling rate in Hz, if the data do not know theirs.
+        """
+        return self._continuous(rate, datasheet=False)
+
+    def datasheet(self, rate: float | None = None) -> EstimateTable:
+        """The same in the units of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
+        return self._continuous(rate, datasheet=True)
+
+    def _continuous(self, rate: float | None, *, datasheet: bool) -> EstimateTable:
+        rate = sampling_rate(agreed_rate(self.rate, rate))
+
+        def errors(logs: Any) -> np.ndarray:
+            return np.asarray(delta_method(logs, self.model, self.active, self.covariance))
+
+        known = None if self.covariance is None else errors
+        return continuous_table(self.model, rate, self.unit, datasheet=datasheet, errors=known, **self._at_level())
+
+    def _at_level(self) -> dict[str, Any]:
+        return {"z": normal_quantile(self.level), "level": self.level, "boundary": self.at_boundary}
+
+    def summary(self) -> str:
+        """All of it as text."""
+        wv = self.wv
+        missing = f" ({wv.missing})" if wv.missing else ""
+        samples = f", {wv.num_samples} samples{missing}" if wv.num_samples else ""
+        rate = f" at {self.rate:g} Hz" if self.rate else ""
+        free = self.model.num_free
+        robust = f"Robust (efficiency {wv.efficiency:g}) " if wv.efficiency else ""
+        lines = [
+            f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
+            f"objective {self.objective:.8g} ({self.weights} weights) with {free} free parameters on {wv.num_scales} "
+            f"scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
+            "",
+            str(self.parameters()),
+        ]
+        if self.rate:
+            lines += ["", str(self.continuous()), "", str(self.datasheet())]
+        diagonal = (
+            self.weights_efficiency(two_step_weights(self.model, wv))
+            if self.weights in (COVARIANCE, ITERATED)
+            else None
+        )
+        if diagonal is not None:
+            shares = ", ".join(f"{100 * e:.0f} %" for e in diagonal)
+            lines += ["", f"Weights on the diagonal only would have an efficiency of {shares} in these parameters."]
+        if self.wv_covariance is None:
+            lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, the MODWT, no SIN."]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers and texts, for JSON; what is not identified is None."""
+        result = {
+            "channel": self.wv.channels[0],
+            "unit": self.unit,
+            "rate": self.rate,
+            "num_samples": self.wv.num_samples,
+            "efficiency": self.wv.efficiency,
+            "model": " + ".join(p.kind for p in self.model.processes),
+            # for filters and simulations
+            "processes": [
+                {"kind": p.kind, **{q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True)}}
+                for p in self.reduced.processes
+            ],
+            "objective": self.objective,
+            "weights": self.weights,
+            "level": self.level,
+            "status": self.status.value,
+            "agreement": self.agreement,
+            "parameters": self.parameters().to_list(),
+            "scales": self.wv.scales.tolist(),
+            "variance": self.wv.variance.tolist(),
+            "ci_low": self.wv.ci_low.tolist(),
+            "ci_high": self.wv.ci_high.tolist(),
+            "fitted": self.fitted.tolist(),
+            "residuals": self.residuals.tolist(),
+            "components": {k: v.tolist() for k, v in self.decomposition().items()},
+        }
+        if self.rate:
+            result["continuous"] = self.continuous().to_list()
+            result["datasheet"] = self.datasheet().to_list()
+        return result
+
+    def plot(self, **options: Any) -> "Figure":
+        """Wavelet variance, fit and components over scale with the residuals below, see `gmwm_jax.plotting.figures.plot_fit`."""
+        from gmwm_jax.plotting.figures import plot_fit
+
+        return plot_fit(self, **options)
+
+
+def _lines(model: Composite) -> Array:
+    return model.parameter_lines()
+
+
+@dataclass(frozen=True, repr=False)
+class Fits(Mapping[str, Fit]):
+    """The fits of one model to several channels, by name of the channel."""
+
+    fits: tuple[Fit, ...]
+
+    def __getitem__(self, channel: str | int) -> Fit:
+        if isinstance(channel, int):
+            return self.fits[channel]
+        for f in self.fits:
+            if f.wv.channels[0] == channel:
+                return f
+        raise KeyError(f"No channel {channel!r}; there are {', '.join(self)}.")
+
+    def __iter__(self) -> Iterator[str]:
+        return (f.wv.channels[0] for f in self.fits)
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+    def __repr__(self) -> str:
+        """One row a channel: objective, status and the parameters per sample."""
+        symbols = [f"{e.component}.{e.symbol}" for e in self.fits[0].parameters()]
+        head = ["channel", "unit", "objective", "status", *symbols]
+        rows = [
+            [f.wv.channels[0], f.unit, number(f.objective, 7), f.status.name]
+            + [number(e.value) + ("*" if e.note.startswith("at boundary") else "") for e in f.parameters()]
+            for f in self.fits
+        ]
+        foot = "\n* at its boundary" if any(f.at_boundary for f in self.fits) else ""
+        return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """A panel a channel, see `gmwm_jax.plotting.figures.plot_fits`."""
+        from gmwm_jax.plotting.figures import plot_fits
+
+        return plot_fits(self, **options)

@@ -1,0 +1,150 @@
+"""First-order standard errors: from the covariance of the wavelet variance to that of the parameters.
+
+Near the minimum, eta_hat - eta = (A' Omega A)^-1 A' Omega (nu_hat - nu) with A = d nu / d eta. Hence the sandwich
+Psi = B V B', B = (A' Omega A)^-1 A' Omega, V = Cov(nu_hat) (Guerrier et al. 2013). eta are the parameters mapped to the
+real line (log, or logit for phi), on which intervals are symmetric: they never leave the range of the parameter.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Bool, Float
+from scipy.special import ndtri
+
+from gmwm_jax.processes.base import Composite
+
+_RANK_TOLERANCE = 1e-8
+"""Of the singular values of the whitened derivative: beyond it no data tell two parameters apart."""
+
+
+def parameter_covariance(
+    model: Composite,
+    active: tuple[int, ...],
+    tau: Any,
+    whitener: Any,
+    V: Any,
+) -> Float[Array, "P P"]:
+    """Sandwich covariance of the active parameters on the real line; NaN for those that data cannot tell apart.
+
+    Parameters
+    ----------
+    model
+        The fitted model.
+    active
+        Positions (in the order of `Composite.unconstrained`) of the parameters that were estimated and lie inside
+        their range; the others are held.
+    tau
+        Spans, samples; shape (J,).
+    whitener
+        L' with Omega = L L', shape (J, J).
+    V
+        Covariance of the wavelet variance, shape (J, J).
+    """
+    at = np.asarray(active, dtype=int)
+    return _parameter_covariance(model, _mask(model, active), tau, whitener, V)[np.ix_(at, at)]
+
+
+@jax.jit
+def _parameter_covariance(model: Composite, active: Any, tau: Any, whitener: Any, V: Any) -> Float[Array, "Q Q"]:
+    B, lost = _estimator(_wv_jacobian(model, active, tau), whitener)
+    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
+
+
+def estimator_derivatives(
+    model: Composite, active: tuple[int, ...], tau: Any, whitener: Any
+) -> tuple[Float[Array, "J P"], Float[Array, "P J"]]:
+    """A = d nu/d eta and B = d eta_hat/d nu_hat; arguments as of `parameter_covariance`.
+
+    Directions that data do not see are left out of B.
+    """
+    at = np.asarray(active, dtype=int)
+    A, B = _estimator_derivatives(model, _mask(model, active), tau, whitener)
+    return A[:, at], B[at]
+
+
+@jax.jit
+def _estimator_derivatives(
+    model: Composite, active: Any, tau: Any, whitener: Any
+) -> tuple[Float[Array, "J Q"], Float[Array, "Q J"]]:
+    A = _wv_jacobian(model, active, tau)
+    return A, _estimator(A, whitener)[0]
+
+
+def _mask(model: Composite, active: tuple[int, ...]) -> Bool[np.ndarray, " Q"]:
+    """The active ones among all parameters of the model: data of a program, which then serves all boundaries."""
+    mask = np.zeros(model.num_parameters, dtype=bool)
+    mask[list(active)] = True
+    return mask
+
+
+def _wv_jacobian(model: Composite, active: Any, tau: Float[Array, " J"]) -> Float[Array, "J Q"]:
+    return _jacobian(lambda m: m.wavelet_variance(tau), model, active)
+
+
+def _estimator(A: Float[Array, "J Q"], whitener: Float[Array, "J J"]) -> tuple[Float[Array, "Q J"], Bool[Array, " Q"]]:
+    """B, and which parameters move along a direction that data do not see."""
+    A = whitener @ A
+    # columns of unit length, so that what is small is a direction that the data do not see, not a unit
+    length = jnp.linalg.norm(A, axis=0)
+    length = jnp.where(length > 0, length, 1.0)
+    U, s, Wt = jnp.linalg.svd(A / length[None, :], full_matrices=False)
+    seen = s > _RANK_TOLERANCE * s[0]
+    B = ((Wt.T * jnp.where(seen, 1 / jnp.where(seen, s, 1.0), 0.0)[None, :]) @ U.T / length[:, None]) @ whitener
+    # a parameter that moves along an unseen direction has no variance; the others have theirs
+    return B, 1 - jnp.sum(jnp.where(seen[:, None], Wt * Wt, 0.0), axis=0) > _RANK_TOLERANCE
+
+
+def delta_method(
+    quantity: Callable[[Composite], Array],
+    model: Composite,
+    active: tuple[int, ...],
+    covariance: Any,
+) -> Float[Array, " Q"]:
+    """Standard errors of functions of the model.
+
+    Parameters
+    ----------
+    quantity
+        Model -> vector.
+    model, active, covariance
+        As of `parameter_covariance`.
+
+    Returns
+    -------
+    The standard error of each entry of the vector; NaN where it depends on a parameter that has none.
+    """
+    at = np.asarray(active, dtype=int)
+    num = model.num_parameters
+    whole = jnp.zeros((num, num)).at[np.ix_(at, at)].set(covariance)
+    return _delta_method(quantity, model, _mask(model, active), whole)
+
+
+@partial(jax.jit, static_argnums=0)
+def _delta_method(quantity: Any, model: Composite, active: Any, covariance: Any) -> Float[Array, " R"]:
+    J = _jacobian(quantity, model, active)
+    lost = jnp.isnan(jnp.diagonal(covariance))
+    known = jnp.where(lost[:, None] | lost[None, :], 0.0, covariance)
+    error = jnp.sqrt(jnp.sum((J @ known) * J, axis=1))
+    return jnp.where(jnp.any((J != 0) & lost[None, :], axis=1), jnp.nan, error)
+
+
+@partial(jax.jit, static_argnums=0)
+def evaluate(quantity: Callable[[Composite], Array], model: Composite) -> Array:
+    """Value of a (hashable) function of the model, compiled as a whole."""
+    return quantity(model)
+
+
+def normal_quantile(level: float) -> float:
+    """Return z such that a normal variable lies within +-z with probability `level` (1.96 for 0.95)."""
+    return float(ndtri((1 + level) / 2))
+
+
+def _jacobian(quantity: Callable[[Composite], Array], model: Composite, active: Any) -> Array:
+    """In the active parameters; zero in the others, which may be infinite on the real line."""
+    J = jax.jacfwd(lambda eta: quantity(model.with_unconstrained(eta)))(model.unconstrained())
+    return jnp.where(active[None, :], J, 0.0)

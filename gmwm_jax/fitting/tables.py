@@ -1,0 +1,216 @@
+"""Tables of a model's parameters: per sample, in continuous time, in datasheet units, with intervals if known."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax import units as units_
+from gmwm_jax._internal.checks import sampling_rate
+from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.fitting.standard_errors import evaluate
+from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.continuous import Quantity, continuous_form
+from gmwm_jax.processes.registry import as_model
+
+AT = "at boundary: "
+ZERO = AT + "zero"
+UNSEEN = "not identified"
+CONFUSED = "not told apart from others"
+_WIDEST = 30.0
+"""Half width, on the log scale, of the widest interval that is worth printing: a factor of 1e13 either way."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number with its interval; NaN where there is none."""
+
+    component: str
+    symbol: str
+    value: float
+    unit: str
+    ci_low: float = np.nan
+    ci_high: float = np.nan
+    note: str = ""
+    meaning: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class EstimateTable:
+    """Estimates that print themselves; ``table["GM_1", "q"]`` is one of them."""
+
+    title: str
+    estimates: tuple[Estimate, ...]
+    level: float = 0.95
+
+    def __getitem__(self, key: tuple[str, str]) -> Estimate:
+        for e in self.estimates:
+            if (e.component, e.symbol) == key:
+                return e
+        known = ", ".join(f"({e.component!r}, {e.symbol!r})" for e in self.estimates)
+        raise KeyError(f"No estimate {key}; there are {known}.")
+
+    def __iter__(self) -> Iterator[Estimate]:
+        return iter(self.estimates)
+
+    def __len__(self) -> int:
+        return len(self.estimates)
+
+    def __repr__(self) -> str:
+        """An aligned table, without the columns that are empty."""
+        head = ["component", "quantity", "estimate", f"{100 * self.level:g} % low", "high", "unit", "note"]
+        rows = [
+            [e.component, e.symbol, number(e.value), number(e.ci_low), number(e.ci_high), e.unit, e.note]
+            for e in self.estimates
+        ]
+        intervals = any(np.isfinite(e.ci_low) for e in self.estimates)
+        notes = any(e.note for e in self.estimates)
+        kept = [i for i in range(7) if (intervals or i not in (3, 4)) and (notes or i != 6)]
+        return f"{self.title}\n{format_table([head[i] for i in kept], [[r[i] for i in kept] for r in rows], left=2)}"
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Plain dictionaries for JSON; None where there is no number."""
+        return [
+            {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in vars(e).items()} for e in self
+        ]
+
+
+def parameter_table(
+    model: Composite,
+    unit: str,
+    *,
+    z: float,
+    level: float,
+    errors: Float[np.ndarray, " P"],
+    boundary: Mapping[str, str],
+) -> EstimateTable:
+    """Parameters per sample, with intervals symmetric on the log (for phi: logit) scale.
+
+    Parameters
+    ----------
+    model, unit
+        All parameters given; SI unit of the signal.
+    z, level
+        Normal quantile and confidence of the intervals.
+    errors
+        Standard errors on the real line, NaN for what was not estimated.
+    boundary
+        Label -> note, for components at a boundary: what data do not determine there is NaN.
+    """
+    spread = z * errors
+    estimates, at = [], 0
+    for label, p in zip(model.labels, model.processes, strict=True):
+        for i, (q, value) in enumerate(zip(p.parameters, p.values, strict=True)):
+            note = _note(boundary.get(label, ""), p, (i,), q.determined_at)
+            low = high = np.nan
+            if _is_confused(spread, at, note):
+                note = CONFUSED
+            elif spread[at] > 0 and note != UNSEEN:
+                x = q.to_line(value)
+                low, high = float(q.from_line(x - spread[at])), float(q.from_line(x + spread[at]))
+            shown = np.nan if note == UNSEEN else float(value)
+            estimates.append(Estimate(label, q.name, shown, q.unit.format(u=unit), low, high, note, q.meaning))
+            at += 1
+    return EstimateTable("Parameters per sample", tuple(estimates), level)
+
+
+def continuous_table(
+    model: str | AbstractProcess | Composite,
+    rate: float,
+    unit: str,
+    *,
+    datasheet: bool = False,
+    z: float = np.nan,
+    level: float = 0.95,
+    errors: Callable[["LogQuantities"], np.ndarray] | None = None,
+    boundary: Mapping[str, str] | None = None,
+) -> EstimateTable:
+    """Continuous-time quantities of a model, in SI or in the units of datasheets.
+
+    Parameters
+    ----------
+    model
+        All parameters given.
+    rate
+        Sampling rate in Hz.
+    unit
+        SI unit of the signal: ``rad/s``, ``m/s^2`` or ``1``.
+    datasheet
+        False: q, beta, 1/beta as a Kalman filter wants them, SI. True: N, K, Q, LSB, R, sigma in deg/sqrt(h) etc.
+    z, level, boundary
+        As of `parameter_table`.
+    errors
+        Standard errors of the logs of quantities; without it there are no intervals.
+
+    Returns
+    -------
+    EstimateTable
+
+    Raises
+    ------
+    ValueError
+        A parameter without a value, a unit that is not SI, a rate that is not positive.
+    """
+    model = as_model(model)
+    for p in model.processes:
+        p.require_complete()
+    units_.require_si(unit)
+    f = sampling_rate(rate)
+    forms = [continuous_form(type(p)) for p in model.processes]
+    # both tables at once: what was compiled for one serves the other
+    logs = LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), f)
+    values = np.exp(np.asarray(evaluate(logs, model)))
+    spread = np.full_like(values, np.nan) if errors is None else z * errors(logs)
+    estimates, at = [], -1
+    for label, p, form in zip(model.labels, model.processes, forms, strict=True):
+        for i, q in enumerate((*form.filter, *form.datasheet)):
+            at += 1
+            of_datasheet = i >= len(form.filter)
+            if of_datasheet != datasheet and q.symbol != "tau_c":  # the time stands in both
+                continue
+            note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
+            if _is_confused(spread, at, note):
+                note = CONFUSED
+            value, factor = float(values[at]), np.exp(spread[at]) if 0 < spread[at] < _WIDEST else np.nan
+            if np.isnan(value):
+                note = "none for phi <= 0"
+            if note == UNSEEN:
+                value = np.nan
+            si = q.si_unit(unit)
+            shown = q.datasheet_units(unit)[0] if datasheet else si
+            value /= 1.0 if shown == si else units_.unit(shown).factor
+            estimates.append(Estimate(label, q.symbol, value, shown, value / factor, value * factor, note, q.meaning))
+    title = "Datasheet units" if datasheet else "Continuous time, SI"
+    return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), level)
+
+
+@dataclass(frozen=True)
+class LogQuantities:
+    """The logs of continuous-time quantities of all components, as a hashable function of the model."""
+
+    quantities: tuple[tuple[Quantity, ...], ...]
+    rate: float
+
+    def __call__(self, model: Composite) -> Array:
+        """Logs of all quantities, component by component."""
+        pairs = zip(model.processes, self.quantities, strict=True)
+        return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
+
+
+def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: str) -> bool:
+    """Was it estimated, and has it no error while others have one?"""
+    return note == "" and bool(np.any(spread > 0)) and not bool(spread[at] < _WIDEST)
+
+
+def _note(boundary: str, process: AbstractProcess, reads: tuple[int, ...], determined_at: str) -> str:
+    """What to say of a quantity that depends on the parameters at the positions `reads`."""
+    if all(process.parameters[i].name in process.fixed for i in reads):
+        return "fixed"
+    if boundary == ZERO:
+        return ZERO if len(process.parameters) - 1 in reads else UNSEEN
+    # Towards a limit the parameters run off together, and data know only what survives there.
+    return boundary if boundary in ("", AT + determined_at) else UNSEEN

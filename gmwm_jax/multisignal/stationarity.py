@@ -1,0 +1,192 @@
+"""Do all records have the parameters of the joint fit? The objective against that of records that do.
+
+Records are drawn with the joint model as the truth of every one, and fitted jointly again; the p-value is the share of
+objectives that are at least the observed one (Bakalli et al. 2023). It is small where parameters change from record to
+record ("near-stationary" records, each stationary by itself), and also where the model is wrong for all of them:
+`compare_records` and `goodness_of_fit` tell these apart.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from gmwm_jax._internal.checks import integer, require_x64, typed_key
+from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax.fitting.weights import COVARIANCE, TWO_STEP, require_theory
+from gmwm_jax.inference.replicates import RECORDS, VARIANCES
+from gmwm_jax.multisignal._pool import Pool
+from gmwm_jax.multisignal._refit import CHUNK, joint_refit
+from gmwm_jax.multisignal.joint import JointFit, one_channel
+from gmwm_jax.variance.replicates import record_draws, theory_draws
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class NearStationarity:
+    """The test, and what it is made of.
+
+    Attributes
+    ----------
+    joint
+        The fit of all records.
+    route
+        ``variances`` or ``records``.
+    objective
+        Joint objective of each of B sets of records drawn with the same parameters, shape (B,).
+    converged
+        Which searches converged; the others count as failures and enter nothing.
+    num_requested
+        More than B if it was interrupted.
+    """
+
+    joint: JointFit
+    route: str
+    objective: Float[np.ndarray, " B"]
+    converged: Bool[np.ndarray, " B"]
+    num_requested: int
+
+    @property
+    def p_value(self) -> float:
+        """Share of objectives, that of the data counted in, which are at least that of the data."""
+        good = self.objective[self.converged]
+        return (1 + int((good >= self.joint.objective).sum())) / (1 + len(good))
+
+    @property
+    def num_failed(self) -> int:
+        """Replicates whose search did not converge."""
+        return int((~self.converged).sum())
+
+    def __repr__(self) -> str:
+        """The test in words."""
+        done = len(self.objective)
+        cut = f" of {self.num_requested} asked for" if done < self.num_requested else ""
+        failed = f"; {self.num_failed} did not converge and are left out" if self.num_failed else ""
+        good = self.objective[self.converged]
+        usual = f"{np.median(good):.4g} (median), {np.quantile(good, 0.95):.4g} (95 %)" if len(good) else "unknown"
+        return (
+            f"Near-stationarity of {len(self.joint.records)} records of {self.joint.wv.channels[0]} under "
+            f"{' + '.join(self.joint.model.labels)}: {done} replicates{cut} by {self.route}{failed}\n"
+            f"objective {self.joint.objective:.6g}; of records with the same parameters {usual}; "
+            f"p = {self.p_value:.3g}\n"
+            "A small p: parameters change from record to record, or the model is wrong."
+        )
+
+    def plot(self) -> "Figure":
+        """Objectives of the replicates with that of the data, see `gmwm_jax.plotting.multisignal.plot_near_stationarity`."""
+        from gmwm_jax.plotting.multisignal import plot_near_stationarity
+
+        return plot_near_stationarity(self)
+
+
+def near_stationarity(
+    joint: JointFit,
+    num_replicates: int = 500,
+    *,
+    key: PRNGKey,
+    route: str = VARIANCES,
+    progress: bool = False,
+) -> NearStationarity:
+    """Test whether all records have the same parameters, by sets of records that do.
+
+    Parameters
+    ----------
+    joint
+        Of one channel, from `fit_records`, of records whose theory is known.
+    num_replicates
+        B.
+    key
+        ``jax.random.key(seed)``. Every record of every replicate has a key of its own, whatever B is.
+    route
+        ``variances`` draws wavelet variances from their theoretical distribution, ``records`` simulates records.
+    progress
+        Show a progress bar (needs the extra ``app``).
+
+    Returns
+    -------
+    NearStationarity
+        With fewer replicates than asked for if it was interrupted from the keyboard: what was done by then.
+
+    Raises
+    ------
+    ValueError
+        Another route; a record without theory of its wavelet variance; a model without any variance; simulated records
+        for robust wavelet variances.
+    TypeError
+        Several channels, or no joint fit; the key is an integer or of the old kind.
+    """
+    require_x64()
+    typed_key(key)
+    joint = one_channel(joint, "near_stationarity")
+    num_replicates = integer("num_replicates", num_replicates, 1)
+    draws = _draws(joint, route)
+    keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))
+    done: list[tuple[np.ndarray, np.ndarray]] = []
+    bar = progress_bar(num_replicates, "replicate", progress)
+    try:
+        for first in range(0, num_replicates, CHUNK):
+            own = keys[first : first + CHUNK]
+            variances = np.zeros((len(own), len(draws), joint.wv.num_scales))
+            for i, draw in enumerate(draws):
+                nu = draw(jax.vmap(lambda k, i=i: jax.random.fold_in(k, i))(own))
+                variances[:, i, : nu.shape[1]] = nu
+            done.append(_objectives(joint, variances))
+            bar.update(len(own))
+    except KeyboardInterrupt:
+        if not done:
+            raise
+    finally:
+        bar.close()
+    objective, converged = (np.concatenate(leaves) for leaves in zip(*done, strict=True))
+    return NearStationarity(joint, route, objective, converged, num_replicates)
+
+
+def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
+    """For each record, a function of keys that draws wavelet variances under the joint model."""
+    if route not in (RECORDS, VARIANCES):
+        raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
+    for name, r in zip(joint.names, joint.records, strict=True):
+        require_theory(r.wv, f"Replicates (record {name})")
+    if np.any(joint.fitted <= 0):
+        raise ValueError(f"{joint.model} has no variance at some scale: there is nothing to replicate.")
+    if route == RECORDS:
+        if joint.wv.efficiency is not None:
+            raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
+        return [record_draws(joint.model, r.wv) for r in joint.records]
+    if joint.record_covariances is None:
+        raise ValueError(f'There is no theory of the scatter of {joint.model}: take route="{RECORDS}".')
+    return [theory_draws(joint.model, r.wv, V) for r, V in zip(joint.records, joint.record_covariances, strict=True)]
+
+
+def _objectives(joint: JointFit, variances: Float[np.ndarray, "B R J"]) -> tuple[np.ndarray, np.ndarray]:
+    """Joint objectives of replicates with weights of the kind of the fit, and which searches converged.
+
+    Default weights are those of each replicate's own intervals, two-step weights those under its own first fit. Weights
+    from a covariance are those of the fit: to first order that makes no difference.
+    """
+    width = np.full(variances.shape[1:], np.inf)  # no weight where a record has no such scale
+    for i, r in enumerate(joint.records):
+        width[i, : r.wv.num_scales] = (r.wv.ci_high - r.wv.ci_low) / r.wv.variance
+    there = np.isfinite(width)
+
+    def diagonal(nu: np.ndarray) -> np.ndarray:
+        weight = 1 / (width * np.where(there, nu, 1.0)) ** 2
+        return weight[:, :, :, None] * np.eye(weight.shape[2])
+
+    both = Pool(variances, np.broadcast_to(joint.pool.omegas, (len(variances), *joint.pool.omegas.shape)))
+    if joint.weights != COVARIANCE:
+        both = Pool(variances, diagonal(variances))
+    found = joint_refit(joint, both.omegas.sum(axis=1), both.moments.sum(axis=1))
+    if joint.weights == TWO_STEP:
+        # without any variance at a scale there is no second step
+        some = np.all(found.fitted > 0, axis=1)[:, None, None]
+        both = Pool(variances, diagonal(np.where(some, found.fitted[:, None, :], variances)))
+        found = joint_refit(joint, both.omegas.sum(axis=1), both.moments.sum(axis=1))
+    return both.objectives(found.fitted).sum(axis=1), found.converged

@@ -1,0 +1,51 @@
+"""Parameters of processes: their intervals, the map to the real line, and the mark for a held value."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from gmwm_jax._internal.checks import as_float, concrete
+from gmwm_jax._internal.typing import Scalar
+
+
+class Parameter(NamedTuple):
+    """One parameter of a process, per sample."""
+
+    name: str
+    unit: str
+    """``{u}`` stands for the signal's unit."""
+    meaning: str
+    lower: float = 0.0
+    upper: float = float("inf")
+    """Its values lie strictly between; an amplitude may also be exactly 0."""
+    determined_at: str = ""
+    """The limit of the process (see `AbstractProcess.limit_of`) at which data still determine it."""
+
+    def check(self, value: Any, owner: str, *, zero_ok: bool) -> Any:
+        """Return the value as a float64 scalar, or raise if it lies outside the interval."""
+        value = as_float(value)
+        seen = concrete(value)
+        if seen is not None and not (seen.ndim == 0 and (self.lower < seen < self.upper or (zero_ok and seen == 0))):
+            bracket = "[" if zero_ok else "("
+            raise ValueError(
+                f"{owner}: {self.name} must be one number in {bracket}{self.lower:g}, {self.upper:g}), and is {seen}."
+            )
+        return value
+
+    def to_line(self, value: Any) -> Any:
+        """Map the interval to the real line: log, or logit where it is bounded on both sides."""
+        below = jnp.log(value - self.lower)
+        return below if self.upper == float("inf") else below - jnp.log(self.upper - value)
+
+    def from_line(self, x: Any) -> Any:
+        """Inverse of `to_line`."""
+        if self.upper == float("inf"):
+            return self.lower + jnp.exp(x)
+        return self.lower + (self.upper - self.lower) / (1 + jnp.exp(-x))
+
+
+class Fixed(eqx.Module):
+    """A parameter value that estimation holds: ``GM(beta=Fixed(0.01))``."""
+
+    value: Scalar = eqx.field(converter=as_float)

@@ -1,0 +1,315 @@
+"""The command line: ``nav-jax run | compare | budget | design | tune | demo``.
+
+A leaf: a configuration in, tables and files out.
+"""
+
+import functools
+import re
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from gmwm_jax._internal.atomic import write_atomically
+from nav_jax.app.comparison_file import Config, read_config
+from nav_jax.app.demo import run_demo
+from nav_jax.app.record_file import read_record
+from nav_jax.app.report import as_json, write_report
+from nav_jax.app.report_analysis import Report, budget_report, design_report, tuning_report
+from nav_jax.app.sections import FolderSection
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.lincov.analysis import analyse
+from nav_jax.lincov.budget import error_budget
+from nav_jax.lincov.derivatives import sensitivities
+from nav_jax.lincov.filter_design import OBJECTIVES, Scenario
+from nav_jax.lincov.filter_design import design as design_filters
+from nav_jax.simulation.comparison import Comparison
+
+app = typer.Typer(
+    help="What the noise model of an inertial sensor does to navigation (INS/GNSS filters, simulated and analysed).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+INTERRUPTED = 130
+"""Exit code of a run that was stopped from the keyboard; what was done by then is written."""
+
+
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    """Make a function a command that turns errors of input into one message and exit code 1, warnings into a line."""
+
+    @functools.wraps(function)
+    def run(*args: Any, **options: Any) -> None:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_: typer.echo(f"Warning: {_as_keys(str(message))}", err=True)
+            try:
+                function(*args, **options)
+            except (ValueError, KeyError, OSError, ImportError) as error:
+                text = error.args[0] if isinstance(error, KeyError) else error
+                typer.echo(f"Error: {_as_keys(str(text))}", err=True)
+                raise typer.Exit(1) from error
+            except KeyboardInterrupt as interrupt:
+                typer.echo(str(interrupt) or "Interrupted: the results are not complete.", err=True)
+                raise typer.Exit(INTERRUPTED) from interrupt
+
+    return app.command()(run)
+
+
+def _as_keys(text: str) -> str:
+    """Python that a message advises, as the configuration has it."""
+    text = re.sub(r"use at_rate\(([^)]*)\)", r"write rate = \1 in that section", text)
+    return re.sub(r"as in trajectory\.smoothed\(([^)]*)\)", r"by smooth = \1 in [trajectory]", text)
+
+
+def _result_file(path: Path | None) -> Path | None:
+    if path is not None and path.suffix.lower() not in (".zarr", ".nc"):
+        raise typer.BadParameter(f"results are saved as .zarr or .nc, not {str(path)!r}")
+    return path
+
+
+File = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="Trajectory, truth, filters, aiding, run.")]
+Filter = Annotated[str | None, typer.Option("--filter", help="Which filter, if there are several.")]
+NumRuns = Annotated[int | None, typer.Option(min=1, help="Number of runs of each filter, in place of the file's.")]
+Seed = Annotated[int | None, typer.Option(min=0, help="Of the random numbers, in place of the file's.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for tables and figures, in place of the file's.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the table as JSON; '-' for the screen.")]
+Plot = Annotated[bool | None, typer.Option("--plot/--no-plot", help="Draw figures into the folder.")]
+Save = Annotated[Path | None, typer.Option(help="Save all runs: .zarr or .nc.", callback=_result_file)]
+
+
+@_command
+def run(
+    config: File,
+    filter_name: Filter = None,
+    num_runs: NumRuns = None,
+    seed: Seed = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+    save: Save = None,
+) -> None:
+    """Run one filter many times: its errors beside what it says of them."""
+    known = read_config(config)
+    if filter_name is None and len(known.filters) > 1:
+        raise ValueError(f"There are several filters ({', '.join(known.filters)}): choose by --filter, or use compare.")
+    name = _chosen(known.filters, filter_name)
+    targets = _targets(known, config.parent, out, json_file, plot, save)
+    result = known.compare(num_runs=num_runs, seed=seed, only=[name], progress=sys.stderr.isatty())
+    _finish(result, repr(result[name]) + (f"\n\n{result.table()}" if result.num_common >= 2 else ""), targets)
+
+
+@_command
+def compare(
+    config: File,
+    num_runs: NumRuns = None,
+    seed: Seed = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+    save: Save = None,
+) -> None:
+    """Run several filters on the same noise: a ranked table that says which differences are more than chance."""
+    known = read_config(config)
+    if len(known.filters) < 2:
+        raise ValueError(f"A comparison takes two filters or more, and {config} has {len(known.filters)}: use run.")
+    targets = _targets(known, config.parent, out, json_file, plot, save)
+    result = known.compare(num_runs=num_runs, seed=seed, progress=sys.stderr.isatty())
+    _finish(result, repr(result), targets)
+
+
+@_command
+def budget(
+    config: File,
+    filter_name: Filter = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Without random numbers: true and claimed errors of all filters; of one, what makes them and what matters."""
+    known = read_config(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    truth, options = _model(known), _along(known)
+    options["output_interval"] = known.run.output_interval
+    _say(f"Covariances of {', '.join(known.filters)} ...")
+    analysis = analyse(known.reference, truth, known.filters, **options)
+    _say(f"Error budget and derivatives of {name} ...")
+    parts = error_budget(known.reference, truth, known.filters[name], **options)
+    derivatives = sensitivities(known.reference, truth, known.filters[name], **options)
+    _give(budget_report(analysis, name, parts, derivatives), json_file, folder, plot=plot)
+
+
+@_command
+def design(
+    config: File,
+    max_accel: Annotated[int, typer.Option(min=0, help="Most Gauss-Markov processes on an accelerometer axis.")] = 2,
+    max_gyro: Annotated[int, typer.Option(min=0, help="Most Gauss-Markov processes on a gyro axis.")] = 2,
+    max_states: Annotated[int | None, typer.Option(min=0, help="Most sensor states in all.")] = None,
+    objective: Annotated[str, typer.Option(help=f"What is minimised: {' or '.join(OBJECTIVES)}.")] = OBJECTIVES[0],
+    max_steps: Annotated[int, typer.Option(min=1, help="Of each search.")] = 60,
+    confirm: Annotated[int | None, typer.Option(min=2, help="Runs of a Monte Carlo of the best filter.")] = None,
+    seed: Seed = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Find the filters with few states that navigate best along the trajectory of the file."""
+    known = read_config(config)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    truth, options = _model(known), _along(known)
+    scenario = Scenario(known.reference, options.pop("aiding"), options.pop("initial"))
+    found = design_filters(
+        truth,
+        scenario,
+        max_accel=max_accel,
+        max_gyro=max_gyro,
+        max_states=max_states,
+        objective=objective,
+        max_steps=max_steps,
+        progress=sys.stderr.isatty(),
+        **options,
+    )
+    best = found.best()
+    filters = {"designed": best.errors, "truncated": best.naive, "right": truth}
+    filters = {name: f for name, f in filters.items() if f is not None}
+    confirmed = None
+    if confirm is not None:
+        again = replace(known, filters=filters)
+        confirmed = again.compare(num_runs=confirm, seed=seed, progress=sys.stderr.isatty())
+    _give(design_report(found, best, confirmed), json_file, folder, plot=plot)
+    if confirmed is not None:
+        _tell_of_runs(confirmed)
+    if not found.complete:
+        raise KeyboardInterrupt("Interrupted: the larger structures are missing.")
+
+
+@_command
+def tune(
+    config: Annotated[Path, typer.Argument(metavar="RECORD.toml", help="Record, filters, aiding with files, start.")],
+    filter_name: Filter = None,
+    tune_aiding: Annotated[bool, typer.Option("--tune-aiding", help="Seek the noise of the aiding too.")] = False,
+    hold: Annotated[list[str] | None, typer.Option(help="A parameter that is not sought; may be repeated.")] = None,
+    prior: Annotated[float | None, typer.Option(help="Standard deviation of the logarithms about the start.")] = None,
+    max_steps: Annotated[int, typer.Option(min=1, help="Of the search.")] = 50,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Find the noise parameters under which the innovations of recorded navigation data are most likely."""
+    known = read_record(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    _say(f"Search from {name} ...")
+    asked = {"tune_aiding": tune_aiding, "hold": hold or (), "prior": prior, "max_steps": max_steps}
+    found = known.tune(name, **asked, progress=sys.stderr.isatty())
+    _give(tuning_report(found), json_file, folder, plot=plot)
+
+
+@_command
+def demo(
+    fits: Annotated[Path, typer.Option(help="Folder in which 'gmwm-jax demo' has left its fits.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder for configuration, tables and figures.")] = Path("out"),
+    num_runs: Annotated[int, typer.Option(min=2, help="Number of runs of each filter.")] = 200,
+) -> None:
+    """Compare filters that believe three fits of the simulated MTi-G recording, through a GNSS outage of 40 s."""
+    _tell_of_runs(run_demo(fits, out, num_runs, typer.echo, progress=sys.stderr.isatty()))
+
+
+class _Targets(NamedTuple):
+    """Where results go; None for what is not asked for."""
+
+    folder: Path | None
+    plot: bool
+    save: Path | None
+    json_file: Path | None
+
+
+def _targets(
+    config: Config, beside: Path, out: Path | None, json_file: Path | None, plot: bool | None, save: Path | None
+) -> _Targets:
+    """What the configuration asks for, unless the options say something else."""
+    asked = config.output
+    target = beside / asked.save if save is None and asked.save is not None else save
+    return _Targets(*_folder(asked, beside, out, plot), target, json_file)
+
+
+def _folder(asked: FolderSection, beside: Path, out: Path | None, plot: bool | None) -> tuple[Path | None, bool]:
+    """The folder, and whether figures go there."""
+    folder = beside / asked.folder if out is None and asked.folder is not None else out
+    if plot and folder is None:
+        raise ValueError("Figures need a folder: give --out, or folder in [output].")
+    return folder, asked.plot if plot is None else plot
+
+
+def _chosen(filters: Mapping[str, Any], name: str | None) -> str:
+    """The filter that is asked for, or the first."""
+    if name is not None and name not in filters:
+        raise ValueError(f"There is no filter {name!r}; there are {', '.join(filters)}.")
+    return next(iter(filters)) if name is None else name
+
+
+def _model(config: Config) -> ImuErrors:
+    """The truth, where covariances can be made of it."""
+    if not isinstance(config.truth, ImuErrors):
+        raise ValueError("[truth] is a recording, and covariances follow from a model: state one.")
+    return config.truth
+
+
+def _along(config: Config) -> dict[str, Any]:
+    """Options of all covariance analyses: ten samples in a step unless the file says another number."""
+    run = config.run
+    every = run.given().get("every", 10)
+    return {"aiding": config.aiding, "initial": config.initial, "every": every, "earth": FlatEarth(run.gravity)}
+
+
+def _say(text: str) -> None:
+    """What is being done, for somebody who waits."""
+    if sys.stderr.isatty():
+        typer.echo(text, err=True)
+
+
+def _give(report: Report, json_file: Path | None, folder: Path | None, *, plot: bool) -> None:
+    """Print and write a covariance analysis."""
+    to_screen = _print(report.text, report.json, json_file)
+    if folder is not None:
+        _tell_of_files(folder, report.write(folder, plot=plot), to_screen)
+
+
+def _print(text: str, content: str, json_file: Path | None) -> bool:
+    """Text to the screen, or JSON in its place or to a file; returns whether JSON is on the screen."""
+    to_screen = str(json_file) == "-"
+    typer.echo(content if to_screen else text)
+    if json_file is not None and not to_screen:
+        write_atomically(json_file, lambda file: file.write(content.encode()))
+    return to_screen
+
+
+def _tell_of_files(folder: Path, names: Sequence[str], to_screen: bool) -> None:
+    typer.echo(f"\nIn {folder}/: {', '.join(names)}", err=to_screen)
+
+
+def _finish(result: Comparison, text: str, targets: _Targets) -> None:
+    """Print and write what is asked for."""
+    to_screen = _print(text, as_json(result), targets.json_file)
+    if targets.folder is not None:
+        _tell_of_files(targets.folder, write_report(result, targets.folder, plot=targets.plot), to_screen)
+    if targets.save is not None:
+        typer.echo(f"Saved as {result.save(targets.save)}", err=to_screen)
+    _tell_of_runs(result)
+
+
+def _tell_of_runs(result: Comparison) -> None:
+    """Warn of runs that failed; end with a code of its own if there are fewer than asked for."""
+    for name, r in result.runs.items():
+        if r.num_failed:
+            typer.echo(f"Warning: {name}: {r.counts()}", err=True)
+    if any(r.interrupted for r in result.runs.values()):
+        r = next(iter(result.runs.values()))
+        typer.echo(f"Interrupted: {len(r)} of {r.num_requested} runs were done and are in the results.", err=True)
+        raise typer.Exit(INTERRUPTED)

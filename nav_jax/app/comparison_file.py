@@ -1,0 +1,250 @@
+"""A comparison written as a TOML file: checked as a whole, section by section, before anything is computed.
+
+Sections: ``[trajectory]``, ``[truth]``, ``[filters.NAME]``, ``[[aiding]]``, ``[initial]``, ``[run]``, ``[output]``, see
+`nav_jax.app.sections`. Files that they name are looked for beside the configuration.
+"""
+
+import os
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import jax
+from pydantic import BaseModel, ValidationError
+
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.app.sections import (
+    AIDING,
+    MOTIONS,
+    SOURCES,
+    Aiding,
+    InitialSection,
+    OutputSection,
+    RecordingErrors,
+    RunSection,
+    TrajectoryFile,
+)
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.simulation.campaign import compare
+from nav_jax.simulation.comparison import Comparison
+from nav_jax.trajectory.trajectory import Trajectory
+
+T = TypeVar("T")
+AidingT = TypeVar("AidingT", bound=Aiding)
+
+TRUTH = "truth"
+"""The text that makes a filter believe the truth."""
+
+_SECTIONS = ("trajectory", "truth", "filters", "aiding", "initial", "run", "output")
+
+
+@dataclass(frozen=True)
+class Config:
+    """A comparison, ready to run.
+
+    Attributes
+    ----------
+    reference, truth, filters, aiding, initial
+        Arguments of `nav_jax.compare`.
+    run, output
+        Sections of these names.
+    """
+
+    reference: Trajectory
+    truth: ImuErrors | RecordedErrors
+    filters: Mapping[str, ImuErrors]
+    aiding: Sequence[AbstractAiding]
+    initial: InitialUncertainty
+    run: RunSection
+    output: OutputSection
+
+    def compare(
+        self, *, num_runs: int | None = None, seed: int | None = None, only: Sequence[str] = (), progress: bool = False
+    ) -> Comparison:
+        """Run it.
+
+        Parameters
+        ----------
+        num_runs, seed
+            In place of those in the file.
+        only
+            Some of the filters; all by default.
+        progress
+            Show a progress bar.
+        """
+        run = self.run
+        return compare(
+            self.reference,
+            self.truth,
+            {name: f for name, f in self.filters.items() if not only or name in only},
+            aiding=self.aiding,
+            num_runs=run.num_runs if num_runs is None else num_runs,
+            key=jax.random.key(run.seed if seed is None else seed),
+            initial=self.initial,
+            earth=FlatEarth(run.gravity),
+            progress=progress,
+            **{k: getattr(run, k) for k in ("gains", "every", "output_interval", "chunk_size", "workers")},
+        )
+
+
+def read_config(path: str | os.PathLike[str]) -> Config:
+    """Read a configuration and all that it names.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file, or one that it names.
+    ValueError
+        No TOML; a section, key, unit or value that is wrong, by its place in the file.
+    """
+    return from_toml(Path(path), _build)
+
+
+def _build(tables: Mapping[str, Any], folder: Path) -> Config:
+    check_sections(tables, _SECTIONS, ("trajectory", "truth"))
+    # all sections are checked before the first file is read
+    run = checked(RunSection, tables.get("run", {}), "[run]")
+    output = checked(OutputSection, tables.get("output", {}), "[output]")
+    start = checked(InitialSection, tables.get("initial", {}), "[initial]")
+    motion = _trajectory_section(tables["trajectory"])
+    true = _errors_section(tables["truth"], "[truth]")
+    believed = filter_sections(tables.get("filters", {TRUTH: TRUTH}))
+    aiding = aiding_sections(tables.get("aiding", []), AIDING)
+
+    with place("[truth]"):
+        truth = true.build(folder)
+    if isinstance(truth, RecordedErrors) and None in believed.values():
+        raise ValueError("[filters]: the truth is a recording, of which no filter has a model: state one.")
+    known: dict[str, Any] = {}
+    for name, section in believed.items():
+        with place(f"[filters.{name}]"):
+            known[name] = truth if section is None else section.build(folder)
+    with place("[trajectory]"):
+        reference = motion.build(folder, truth.rate, run.gravity)
+    sensors = []
+    for i, section in enumerate(aiding):
+        with place(f"[[aiding]] {i + 1}"):
+            sensors.append(section.build())
+    with place("[initial]"):
+        initial = InitialUncertainty(**start.given())
+    return Config(reference, truth, known, sensors, initial, run, output)
+
+
+def _trajectory_section(table: Any) -> Any:
+    where = "[trajectory]"
+    _require_table(table, where)
+    if ("file" in table) == ("motion" in table):
+        raise ValueError(f'{where}: give either file = "..." or motion = "...", one of {", ".join(MOTIONS)}.')
+    if "file" in table:
+        return checked(TrajectoryFile, table, where)
+    if table["motion"] not in MOTIONS:
+        raise ValueError(f"{where}: motion is one of {', '.join(MOTIONS)}, and is {table['motion']!r}.")
+    return checked(MOTIONS[table["motion"]], table, where)
+
+
+def _errors_section(table: Any, where: str) -> Any:
+    _require_table(table, where)
+    kinds = [key for key in SOURCES if key in table or (key == "accel" and "gyro" in table)]
+    if len(kinds) != 1:
+        raise ValueError(
+            f"{where}: the errors are given by accel and gyro, or by sensor, by fit or by recording, one of them; "
+            f"there are {', '.join(table) or 'no keys'}."
+        )
+    return checked(SOURCES[kinds[0]], table, where)
+
+
+def _filter_section(table: Any, where: str) -> Any:
+    """None for a filter that believes the truth."""
+    if isinstance(table, str):
+        if table != TRUTH:
+            raise ValueError(f'{where} is a section, or the text "{TRUTH}", and is {table!r}.')
+        return None
+    section = _errors_section(table, where)
+    if isinstance(section, RecordingErrors):
+        raise ValueError(f"{where}: a filter believes a model, and a recording is none.")
+    return section
+
+
+# -- shared with config_record.py -------------------------------------------------------------------------------------
+
+
+def from_toml(path: Path, build: Callable[[Mapping[str, Any], Path], T]) -> T:
+    """What `build` makes of the sections of a file and its folder; errors begin with the name of the file."""
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no TOML file: {error}.") from error
+    try:
+        return build(tables, path.parent)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def check_sections(tables: Mapping[str, Any], known: Sequence[str], needed: Sequence[str]) -> None:
+    """Raise on a section that nobody knows, or one that is missing."""
+    if unknown := [name for name in tables if name not in known]:
+        raise ValueError(f"there is no section [{unknown[0]}]; the sections are {', '.join(known)}.")
+    for name in needed:
+        if name not in tables:
+            raise ValueError(f"the section [{name}] is missing.")
+
+
+def filter_sections(tables: Any) -> dict[str, Any]:
+    """Name -> section; None for a filter that believes the truth."""
+    if not isinstance(tables, Mapping) or not tables:
+        raise ValueError("[filters] has a section for each filter, such as [filters.right].")
+    return {name: _filter_section(table, f"[filters.{name}]") for name, table in tables.items()}
+
+
+def aiding_sections(listed: Any, kinds: Mapping[str, type[AidingT]]) -> list[AidingT]:
+    """The sections of a list, each by its type."""
+    if not isinstance(listed, list):
+        raise ValueError("[[aiding]] is a list of sensors: write its name in double brackets.")
+    sections = []
+    for i, table in enumerate(listed):
+        where = f"[[aiding]] {i + 1}"
+        _require_table(table, where)
+        if table.get("type") not in kinds:
+            raise ValueError(f"{where}: type is one of {', '.join(kinds)}, and is {table.get('type')!r}.")
+        sections.append(checked(kinds[table["type"]], table, where))
+    return sections
+
+
+def _require_table(table: Any, where: str) -> None:
+    if not isinstance(table, Mapping):
+        raise ValueError(f"{where} is a section with keys, and is {table!r}.")
+
+
+def checked(section: type[Any], table: Any, where: str) -> Any:
+    """The section that a table makes; errors are sentences that begin with where it stands."""
+    _require_table(table, where)
+    try:
+        return section.model_validate(table)
+    except ValidationError as error:
+        raise ValueError(" ".join(_sentence(section, e, where) for e in error.errors())) from error
+
+
+def _sentence(section: type[BaseModel], error: Any, where: str) -> str:
+    key = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        return f"{where}: there is no key {key!r}; the keys are {', '.join(section.model_fields)}."
+    if error["type"] == "missing":
+        return f"{where}: the key {key!r} is missing."
+    if error["type"] == "value_error":
+        return f"{where}, {key}: {str(error['ctx']['error']).rstrip('.')}."
+    return f"{where}, {key}: {error['msg']}, and it is {error['input']!r}."
+
+
+@contextmanager
+def place(where: str) -> Iterator[None]:
+    """Say where in the file an error comes from."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error

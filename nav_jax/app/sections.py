@@ -1,0 +1,329 @@
+"""The sections of a configuration file: their keys, what each measures, and what they become.
+
+A number is SI; a text is a number with its unit, as ``"2 deg/h"``. Keys that nobody knows and units of another quantity
+are errors.
+"""
+
+import inspect
+import re
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+
+from nav_jax.aiding.barometer import Barometer
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.gnss_position import GnssPosition
+from nav_jax.aiding.gnss_velocity import GnssVelocity
+from nav_jax.imu.errors import ImuErrors, convert_unit, fitted_errors, recorded_errors, sensor_errors
+from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.kinematics.earth import STANDARD_GRAVITY
+from nav_jax.trajectory import motions
+from nav_jax.trajectory.files import read_trajectory
+from nav_jax.trajectory.trajectory import Trajectory
+
+_LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+# -- values -----------------------------------------------------------------------------------------------------------
+
+
+def quantity(value: Any, si: str) -> float:
+    """Read a number in SI, or a text with a number and its unit.
+
+    Parameters
+    ----------
+    value
+        ``0.025`` or ``"2.5 cm"``.
+    si
+        The SI unit of the quantity.
+
+    Raises
+    ------
+    ValueError
+        Neither, or a unit that is unknown or measures something else.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if found is None or not found[2]:
+        raise ValueError(f'expected a number in {si}, or a text with its unit such as "1 {si}", and this is {value!r}')
+    number, unit = float(found[1]), found[2]
+    if si == "m" or unit in _LENGTHS:
+        if si != "m" or unit not in _LENGTHS:
+            raise ValueError(
+                f"{value!r} has a unit that is no {si}" + f"; lengths are in {', '.join(_LENGTHS)}" * (si == "m")
+            )
+        return number * _LENGTHS[unit]
+    return float(convert_unit(number, unit, si))
+
+
+def _one_or_three(value: Any, si: str) -> float | list[float]:
+    """A quantity, or a list of one for each axis."""
+    return [quantity(v, si) for v in value] if isinstance(value, list) else quantity(value, si)
+
+
+def _noise(value: Any, si: str) -> float | str:
+    """A standard deviation, or the text of a model."""
+    is_model = isinstance(value, str) and _QUANTITY.fullmatch(value) is None
+    return value if is_model else quantity(value, si)
+
+
+def _attitude(value: Any) -> str | float | list[float]:
+    """A rule, or roll, pitch, yaw."""
+    return value if isinstance(value, str) else _one_or_three(value, "rad")
+
+
+def _in(si: str) -> BeforeValidator:
+    return BeforeValidator(partial(quantity, si=si))
+
+
+def _axes_in(si: str) -> BeforeValidator:
+    return BeforeValidator(partial(_one_or_three, si=si))
+
+
+def _noise_in(si: str) -> BeforeValidator:
+    return BeforeValidator(partial(_noise, si=si))
+
+
+Time = Annotated[float, _in("s")]
+Frequency = Annotated[float, _in("1/s")]
+Length = Annotated[float, _in("m")]
+Speed = Annotated[float, _in("m/s")]
+Angle = Annotated[float, _in("rad")]
+Acceleration = Annotated[float, _in("m/s^2")]
+PerAxis = float | list[float]
+Model = str | dict[Literal["x", "y", "z"], str]
+Texts = dict[str, str]
+
+
+class Section(BaseModel):
+    """A table of the file; names its keys when it meets another."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    def given(self, *left_out: str) -> dict[str, Any]:
+        """What the file states, and nothing of what it leaves to the defaults of the library."""
+        return {k: getattr(self, k) for k in self.model_fields_set if k not in left_out}
+
+
+# -- [trajectory] -----------------------------------------------------------------------------------------------------
+
+
+class TrajectoryFile(Section):
+    """``file = ...``: arguments of `read_trajectory`, and smoothing of a noisy record."""
+
+    file: str
+    position: Literal["ned", "geodetic"] | None = None
+    angles: str | Texts | None = None
+    columns: list[int | str] | dict[str, int | str] | None = None
+    time_unit: str | None = None
+    origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
+    delimiter: str | None = None
+    variable: str | None = None
+    smooth: Time | None = None
+    smooth_attitude: Time | None = None
+
+    def build(self, folder: Path, rate: float, gravity: float) -> Trajectory:  # noqa: D102
+        read = read_trajectory(folder / self.file, **self.given("file", "smooth", "smooth_attitude"))
+        if self.smooth is None:
+            return read
+        return read.smoothed(self.smooth, attitude_knots=self.smooth_attitude)
+
+
+class _Motion(Section):
+    """``motion = ...``: a generator of `nav_jax.trajectory.motions` with its parameters."""
+
+    motion: str
+
+    def build(self, folder: Path, rate: float, gravity: float) -> Trajectory:
+        generate = _GENERATORS[self.motion]
+        takes_gravity = "gravity" in inspect.signature(generate).parameters
+        return generate(rate=rate, **self.given("motion"), **({"gravity": gravity} if takes_gravity else {}))
+
+
+_GENERATORS: dict[str, Any] = {
+    f.__name__: f
+    for f in (
+        motions.static, motions.straight, motions.circle, motions.racetrack, motions.climb, motions.helix,
+        motions.lemniscate, motions.waypoints,
+    )
+}  # fmt: skip
+
+_PARAMETERS: dict[str, Any] = {
+    **dict.fromkeys(("duration", "period", "start", "end", "ramp", "straight", "turn"), Time),
+    **dict.fromkeys(("size", "radius"), Length),
+    **dict.fromkeys(("speed", "climb"), Speed),
+    **dict.fromkeys(("heading", "angle"), Angle),
+    "acceleration": Acceleration,
+    "attitude": Annotated[str | list[float], BeforeValidator(_attitude)],
+    "euler": list[Angle],
+    "position": list[Length],
+    "points": list[list[Length]],
+    "times": list[Time],
+    "name": str,
+}
+"""Parameter of a generator -> what it measures. The rate is that of the sensor, gravity that of the run."""
+
+
+def _motion_section(generate: Any) -> type[_Motion]:
+    found = inspect.signature(generate).parameters.values()
+    fields: dict[str, Any] = {
+        p.name: (_PARAMETERS[p.name], ...) if p.default is p.empty else (_PARAMETERS[p.name] | None, None)
+        for p in found
+        if p.name not in ("rate", "gravity")
+    }
+    return create_model(generate.__name__, __base__=_Motion, **fields)
+
+
+MOTIONS = {name: _motion_section(generate) for name, generate in _GENERATORS.items()}
+
+
+# -- [truth], [filters.NAME] ------------------------------------------------------------------------------------------
+
+
+class _Errors(Section):
+    start: Literal["stationary", "zero"] = "stationary"
+    accel_bias_sd: Annotated[PerAxis, _axes_in("m/s^2")] = 0.0
+    gyro_bias_sd: Annotated[PerAxis, _axes_in("rad/s")] = 0.0
+
+
+class ModelErrors(_Errors):
+    """``accel = ...``, ``gyro = ...``: models as text, parameters per sample at a stated rate."""
+
+    accel: Model
+    gyro: Model
+    rate: Frequency
+
+    def build(self, folder: Path) -> ImuErrors:  # noqa: D102
+        return ImuErrors(**self.given())
+
+
+class SensorErrors(_Errors):
+    """``sensor = ...``: an IMU that the package knows, at its own rate or another."""
+
+    sensor: str
+    rate: Frequency | None = None
+
+    def build(self, folder: Path) -> ImuErrors:  # noqa: D102
+        errors = sensor_errors(self.sensor, **self.given("sensor", "rate"))
+        return errors if self.rate is None else errors.at_rate(self.rate)
+
+
+class FittedErrors(_Errors):
+    """``fit = ...``: a file of ``gmwm-jax fit --json``, at its own rate or another."""
+
+    fit: str
+    rate: Frequency | None = None
+
+    def build(self, folder: Path) -> ImuErrors:  # noqa: D102
+        errors = fitted_errors(folder / self.fit, **self.given("fit", "rate"))
+        return errors if self.rate is None else errors.at_rate(self.rate)
+
+
+class RecordingErrors(Section):
+    """``recording = ...``: slices of a static recording; arguments of `gmwm_jax.read_recording`."""
+
+    recording: str
+    rate: Frequency | None = None
+    units: str | Texts | None = None
+    time: str | int | None = None
+    time_unit: str | None = None
+    delimiter: str | None = None
+
+    def build(self, folder: Path) -> RecordedErrors:  # noqa: D102
+        return recorded_errors(folder / self.recording, **self.given("recording"))
+
+
+SOURCES: dict[str, type[Any]] = {
+    "accel": ModelErrors, "sensor": SensorErrors, "fit": FittedErrors, "recording": RecordingErrors,
+}  # fmt: skip
+"""The key that tells what kind of section it is."""
+
+
+# -- [[aiding]] -------------------------------------------------------------------------------------------------------
+
+
+class Aiding(Section):
+    """What all aiding sensors have."""
+
+    sensor: ClassVar[type[AbstractAiding]]
+
+    type: str
+    rate: Frequency = 1.0
+    outages: list[Annotated[tuple[Time, Time], Field(strict=False)]] = []
+    first: Time | None = None
+    name: str = ""
+
+    def build(self) -> AbstractAiding:  # noqa: D102
+        return self.sensor(**self.given("type"))  # type: ignore[call-arg]
+
+
+class GnssPositionSection(Aiding):
+    """Standard deviations in m, or models."""
+
+    sensor = GnssPosition
+    horizontal: Annotated[float | str, _noise_in("m")]
+    vertical: Annotated[float | str, _noise_in("m")]
+    believed: Annotated[tuple[Length, Length], Field(strict=False)] | None = None
+
+
+class GnssVelocitySection(Aiding):
+    """Standard deviations in m/s, or models."""
+
+    sensor = GnssVelocity
+    horizontal: Annotated[float | str, _noise_in("m/s")]
+    vertical: Annotated[float | str, _noise_in("m/s")]
+    believed: Annotated[tuple[Speed, Speed], Field(strict=False)] | None = None
+
+
+class BarometerSection(Aiding):
+    """A standard deviation in m, or a model."""
+
+    sensor = Barometer
+    height: Annotated[float | str, _noise_in("m")]
+    believed: Length | None = None
+
+
+AIDING: dict[str, type[Aiding]] = {
+    "gnss_position": GnssPositionSection, "gnss_velocity": GnssVelocitySection, "barometer": BarometerSection,
+}  # fmt: skip
+
+
+# -- [initial], [run], [output] ---------------------------------------------------------------------------------------
+
+
+class InitialSection(Section):
+    """Standard deviations of the start; one number, or three (north, east, down)."""
+
+    position_sd: Annotated[PerAxis, _axes_in("m")] = 0.0
+    velocity_sd: Annotated[PerAxis, _axes_in("m/s")] = 0.0
+    attitude_sd: Annotated[PerAxis, _axes_in("rad")] = 0.0
+
+
+class RunSection(Section):
+    """Arguments of `nav_jax.compare`."""
+
+    num_runs: Annotated[int, Field(ge=1)] = 100
+    seed: Annotated[int, Field(ge=0)] = 0
+    gains: Literal["estimate", "reference"] = "estimate"
+    every: Annotated[int, Field(ge=1)] = 1
+    output_interval: Time = 1.0
+    gravity: Acceleration = STANDARD_GRAVITY
+    chunk_size: Annotated[int, Field(ge=1)] | None = None
+    workers: Annotated[int, Field(ge=1)] | None = None
+
+
+class FolderSection(Section):
+    """Where tables and figures go; nothing is written without a folder."""
+
+    folder: str | None = None
+    plot: bool = True
+
+
+class OutputSection(FolderSection):
+    """The same, and a file of all runs."""
+
+    save: str | None = None

@@ -1,0 +1,142 @@
+"""Propagate, update, inject: the error-state extended Kalman filter as pure functions, runs as the last axis.
+
+The estimate is a position, a velocity, a quaternion and the sensor states; the covariance is that of the error, with
+the attitude error as a rotation vector in n (Solà 2017, global error). Updates take one scalar after the other, in
+Joseph's form, which keeps a covariance symmetric and positive for whatever gain rounding leaves (Bierman 1977).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from nav_jax.filter.error_model import Motion
+from nav_jax.imu.bank import SensorBank
+from nav_jax.kinematics import strapdown
+from nav_jax.kinematics.linalg import symmetrise
+from nav_jax.kinematics.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
+
+
+class NavState(NamedTuple):
+    """The estimate of R runs."""
+
+    p: Float[Array, "3 R"]
+    """Position in n, m."""
+    v: Float[Array, "3 R"]
+    """Velocity in n, m/s."""
+    q: Float[Array, "4 R"]
+    """Attitude q_nb."""
+    x: Float[Array, "M R"]
+    """Sensor states."""
+
+
+class Update(NamedTuple):
+    """What an update did, for each of K scalars in turn."""
+
+    gain: Float[Array, "K n Q"]
+    """0 where there was no measurement."""
+    variance: Float[Array, "K Q"]
+    """Of the innovation."""
+
+
+def mechanise(
+    state: NavState,
+    imu: Float[Array, "n 6 R"],
+    dt: Float[Array, " n"],
+    ends: Float[Array, " n"],
+    bank: SensorBank,
+    g_n: Float[Array, "3 1"],
+) -> NavState:
+    """Advance the estimate by the n pieces of one covariance step, without the covariance."""
+    for i in range(len(dt)):
+        state = _piece(state, imu[i], dt[i], ends[i], bank, g_n)
+    return state
+
+
+def mechanise_with_motion(
+    state: NavState,
+    imu: Float[Array, "n 6 R"],
+    dt: Float[Array, " n"],
+    ends: Float[Array, " n"],
+    bank: SensorBank,
+    g_n: Float[Array, "3 1"],
+) -> tuple[NavState, Motion]:
+    """Advance the estimate by one covariance step, and sum up the motion over it."""
+    first, T = state, jnp.sum(dt)
+    C = dcm_from_quat(state.q)
+    C_sum = jnp.zeros_like(C)
+
+    def piece(carry, inputs):
+        state, C, C_sum = carry
+        sample, length, end = inputs
+        state = _piece(state, sample, length, end, bank, g_n)
+        C_next = dcm_from_quat(state.q)
+        return (state, C_next, C_sum + length / 2 * (C + C_next)), None
+
+    if len(dt) == 1:
+        (state, _, C_sum), _ = piece((state, C, C_sum), (imu[0], dt[0], ends[0]))
+    else:
+        (state, _, C_sum), _ = jax.lax.scan(piece, (state, C, C_sum), (imu, dt, ends))
+    # an empty step has no mean, and needs none: everything it multiplies is zero
+    mean = C_sum * jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
+    S_1 = state.v - first.v - T * g_n
+    S_2 = state.p - first.p - T * first.v - T**2 / 2 * g_n
+    return state, Motion(mean, S_1, S_2)
+
+
+def _piece(state, sample, dt, ends, bank, g_n):
+    sensed = sample - bank.errors(state.x)
+    p, v, q = strapdown.step(state.p, state.v, state.q, sensed[3:], sensed[:3], dt, g_n)
+    return NavState(p, v, q, bank.advance(state.x, ends))
+
+
+def update(
+    P: Float[Array, "n n Q"], H: Float[Array, "K 9"], variance: Float[Array, " K"], valid: Float[Array, " K"]
+) -> tuple[Float[Array, "n n Q"], Update]:
+    """Take K scalar measurements into a covariance, in turn.
+
+    Parameters
+    ----------
+    P
+        Covariance of the error state.
+    H
+        Derivative of each measurement with respect to the navigation errors.
+    variance
+        Of each measurement.
+    valid
+        1 where there is a measurement, 0 where there is none.
+    """
+
+    def scalar(P, inputs):
+        h, r, is_valid = inputs
+        u = jnp.sum(h[:, None, None] * P[:9], axis=0)  # P H'
+        s = jnp.sum(h[:, None] * u[:9], axis=0) + r
+        K = is_valid * u / s[None]
+        # (1 - K H) P (1 - K H)' + K r K'
+        left = P - K[:, None] * u[None]
+        right = jnp.sum(h[None, :, None] * left[:, :9], axis=1)
+        return left - right[:, None] * K[None] + r * K[:, None] * K[None], Update(K, s)
+
+    P, done = jax.lax.scan(scalar, P, (H, variance, valid))
+    return symmetrise(P), done
+
+
+def correction(
+    gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K 9"]
+) -> tuple[Float[Array, "n R"], Float[Array, "K R"]]:
+    """The correction z - h(x) asks for, scalar after scalar, and the innovations: residuals given those before."""
+
+    def scalar(c, inputs):
+        K, nu, h = inputs
+        innovation = nu - jnp.sum(h[:, None] * c[:9], axis=0)
+        return c + K * innovation[None], innovation
+
+    zero = jnp.zeros((gain.shape[1], residual.shape[1]))
+    return jax.lax.scan(scalar, zero, (gain, residual, H))
+
+
+def inject(state: NavState, c: Float[Array, "n R"]) -> NavState:
+    """Correct the estimate: c is minus the estimated error."""
+    q = quat_multiply(quat_from_rotvec(c[6:9]), state.q)
+    return NavState(state.p + c[:3], state.v + c[3:6], q, state.x + c[9:])

@@ -1,0 +1,106 @@
+r"""How a navigation error grows over one covariance step, and the covariance with it.
+
+Errors are estimate minus truth, psi the rotation vector of C_est C_true' in n. With the error delta_f, delta_w of the
+compensated sensors (Groves 2013, sec. 14.2, on a flat Earth that does not turn):
+
+    psi' = C delta_w,   v' = -[f_n x] psi + C delta_f,   p' = v.
+
+Over a step of length T, from the mechanised state itself: S_1 = int f_n = v(T) - v(0) - g T, S_2 = int int f_n =
+p(T) - p(0) - v(0) T - g T^2/2, hence int f_n s ds = T S_1 - S_2, and Cm the mean of C. The sums run over every sample
+of the step, so a step of many samples forgets none of them. The compensated error is y = -(E x + noise), integrated
+over the step, where x is the error of the sensor states, and
+
+    psi += Cm y_g,   v += -[S_1 x] psi + Cm y_a - [L x] Cm y_g,   p += T v - [S_2 x] psi + T/2 Cm y_a - T/3 [L x] Cm y_g
+
+with L = (T S_1 - S_2)/T. This is the transition to second order in the rotation within the step and to the second
+integral of the sensor errors; E, the integral of a Markov state over the step, is exact (`sensor_bank`).
+
+Covariance blocks: N (navigation, 9 x 9), S (navigation with sensor states), B (sensor states); runs are the last axis.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from nav_jax.imu.bank import StepNoise
+from nav_jax.kinematics.linalg import matmul3, transpose
+from nav_jax.kinematics.rotation import cross
+
+
+class Covariance(NamedTuple):
+    """The covariance of the error state in blocks; the lower left one is the transpose of S."""
+
+    navigation: Float[Array, "9 9 R"]
+    mixed: Float[Array, "9 M R"]
+    sensors: Float[Array, "M M R"]
+
+
+class Motion(NamedTuple):
+    """What a covariance step needs to know of the motion: see the head of this file."""
+
+    C_mean: Float[Array, "3 3 R"]
+    S_1: Float[Array, "3 R"]
+    S_2: Float[Array, "3 R"]
+
+
+def full(P: Covariance) -> Float[Array, "n n R"]:
+    """The covariance as one matrix."""
+    top = jnp.concatenate([P.navigation, P.mixed], axis=1)
+    return jnp.concatenate([top, jnp.concatenate([transpose(P.mixed), P.sensors], axis=1)], axis=0)
+
+
+def blocks(P: Float[Array, "n n R"]) -> Covariance:
+    """Inverse of `full`."""
+    return Covariance(P[:9, :9], P[:9, 9:], P[9:, 9:])
+
+
+class _Step:
+    """The maps of one covariance step, see the head of this file."""
+
+    def __init__(self, motion: Motion, noise: StepNoise):
+        self.C, self.S_1, self.S_2 = motion
+        self.noise, self.T = noise, noise.duration
+        self.lever = self.S_1 - self.S_2 * noise.inverse_duration
+
+    def A(self, X: Array) -> Array:
+        """Navigation errors to navigation errors; X (9, K, R)."""
+        p, v, psi = X[:3], X[3:6], X[6:]
+        return jnp.concatenate([p + self.T * v - cross(self.S_2[:, None], psi), v - cross(self.S_1[:, None], psi), psi])
+
+    def G(self, y: Array) -> Array:
+        """Integrated sensor errors of the six channels to navigation errors; y (6, K, R)."""
+        a, g = matmul3(self.C, y[:3]), matmul3(self.C, y[3:])
+        turned = cross(self.lever[:, None], g)
+        return jnp.concatenate([self.T / 3 * turned - self.T / 2 * a, turned - a, -g])
+
+    def H(self, X: Array) -> Array:
+        """Sensor states to navigation errors; X (M, K, R)."""
+        return self.G(self.noise.integrate(X))
+
+
+def transition(X: Float[Array, "n K R"], motion: Motion, noise: StepNoise) -> Float[Array, "n K R"]:
+    """Phi X: errors of navigation and sensor states after a covariance step."""
+    step = _Step(motion, noise)
+    return jnp.concatenate([step.A(X[:9]) + step.H(X[9:]), transpose(noise.carry(transpose(X[9:])))])
+
+
+def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
+    """Phi P Phi' + Q over one covariance step."""
+    step, C = _Step(motion, noise), motion.C_mean
+
+    # C diag(r) C' of the noise in y; half of it enters before the step, half after (Strang), which is exact in v and
+    # psi and to T^2 in what they do to each other and to p
+    half_a, half_g = (matmul3(C * r[None], transpose(C)) / 2 for r in (noise.integrated[:3], noise.integrated[3:]))
+
+    def add_half(N: Array) -> Array:
+        return N.at[3:6, 3:6].add(half_a).at[6:9, 6:9].add(half_g)
+
+    # [A H] [N S; S' B] = [W U], and from the right with [A H]'
+    W, U = step.A(add_half(P.navigation)) + step.H(transpose(P.mixed)), step.A(P.mixed) + step.H(P.sensors)
+    N = add_half(transpose(step.A(transpose(W)) + step.H(transpose(U))))
+    S = noise.carry(U)
+    if noise.several:
+        N = N.at[:3, :3].add(2 * noise.second_integral * half_a)
+        S = S + step.G(noise.cross)
+    return Covariance(N, S, noise.advance(P.sensors))

@@ -1,0 +1,290 @@
+"""One comparison, prepared: the schedule, the perfect sensors and the truth, and runs of it as a pure function of keys.
+
+`draw_inputs` and `run_filter` are what everything else is made of: jitted, vectorised over runs, and differentiable in
+the parameters of the emulated errors, of the filter, of the aiding noise and of the initial covariance.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Int, Key
+
+from gmwm_jax._internal.nav_checks import integer, number, of_kind
+from gmwm_jax._internal.nav_typing import Real
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.ekf import NavState, inject
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.loop import Gains, Inputs, Outcome, Timeline, reference_gains, run_estimate, run_reference
+from nav_jax.filter.schedule import Schedule, make_schedule
+from nav_jax.filter.score import Truth
+from nav_jax.filter.smoother import smoothed
+from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.emulation import emulate, stream
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.imu import Imu, perfect_imu
+from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.kinematics import strapdown
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.linalg import factor
+from nav_jax.trajectory.trajectory import Trajectory
+
+GAINS = ("estimate", "reference")
+
+
+class Experiment(eqx.Module):
+    """What all runs of a comparison share."""
+
+    timeline: Timeline
+    sensors: tuple[AbstractAiding, ...]
+    start: NavState
+    """The truth at the start, one run."""
+    initial: InitialUncertainty
+    fixes: tuple[Int[Array, "2 _"], ...]
+    """Of each sensor: the fixes that are used, by number of the fix and of the segment that ends there."""
+    num_samples: int = eqx.field(static=True)
+    num_fixes: tuple[int, ...] = eqx.field(static=True)
+
+
+class Setup:
+    """An `Experiment` and what a host needs to name its results: times, reference, outages."""
+
+    def __init__(
+        self,
+        reference: Trajectory,
+        aiding: Sequence[AbstractAiding],
+        *,
+        rate: Real,
+        initial: InitialUncertainty,
+        earth: FlatEarth,
+        every: int,
+        output_interval: Real,
+    ):
+        of_kind("initial", initial, InitialUncertainty)
+        of_kind("earth", earth, FlatEarth)
+        self.imu, self.reference = perfect_imu(reference, rate, earth)
+        self.aiding = tuple(aiding)
+        self.rate = rate
+        every = integer("every", every, 1)
+        interval = number("output_interval", output_interval)
+        epochs = self.reference.time
+        start, end = float(epochs[0]), float(epochs[-1])
+        if interval > end - start:
+            raise ValueError(f"The output interval of {interval:g} s is longer than the run of {end - start:g} s.")
+        for s in self.aiding:
+            if not isinstance(s, AbstractAiding):
+                raise ValueError(f"Aiding is made of sensors such as GnssPosition, and {s!r} is none.")
+        names = [s.name for s in self.aiding]
+        if len(set(names)) < len(names):
+            raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
+        self.output_times = start + interval * np.arange(1, int(np.floor((end - start) / interval + 1e-9)) + 1)
+        fix_times = [s.fixes(start, end) for s in self.aiding]
+        used = [s.available(t) for s, t in zip(self.aiding, fix_times, strict=True)]
+        self.fix_times = [t[u] for t, u in zip(fix_times, used, strict=True)]
+        events = np.concatenate([self.output_times, *self.fix_times])
+        schedule = make_schedule(epochs, events, every)
+        numbers = np.split(schedule.event, np.cumsum([len(self.output_times), *map(len, self.fix_times)])[:-1])
+        self.output_segments, self.fix_segments = numbers[0], numbers[1:]
+        self.schedule = schedule
+        self.experiment = self._experiment(schedule, used, initial, earth)
+
+    @property
+    def outages(self) -> dict[str, tuple[tuple[float, float], ...]]:
+        """Sensor -> (start, end) of each, in s."""
+        return {s.name: s.outages for s in self.aiding if s.outages}
+
+    @property
+    def fixes(self) -> dict[str, Float[np.ndarray, " _"]]:
+        """Sensor -> times of its fixes, in s."""
+        return dict(zip((s.name for s in self.aiding), self.fix_times, strict=True))
+
+    def _experiment(
+        self, schedule: Schedule, used: list[np.ndarray], initial: InitialUncertainty, earth: FlatEarth
+    ) -> Experiment:
+        first = self.reference
+        p, v, q = (jnp.asarray(a[:1].T) for a in (first.position, first.velocity, first.quaternion))
+        return Experiment(
+            timeline_of(
+                self.imu,
+                schedule,
+                self.aiding,
+                self.fix_segments,
+                truth_at(self.reference, self.imu, schedule.time, earth),
+                earth.gravity_n(jnp.asarray(first.position[:1].T)),
+            ),
+            self.aiding,
+            NavState(p, v, q, jnp.zeros((0, 1))),
+            initial,
+            tuple(jnp.asarray(np.stack([np.flatnonzero(u), s])) for u, s in zip(used, self.fix_segments, strict=True)),
+            len(self.imu),
+            tuple(len(u) for u in used),
+        )
+
+
+def timeline_of(
+    imu: Imu,
+    schedule: Schedule,
+    sensors: Sequence[AbstractAiding],
+    fix_segments: Sequence[Int[np.ndarray, " _"]],
+    truth: Truth,
+    g_n: Float[Array, "3 1"],
+) -> Timeline:
+    """The schedule of a run with its IMU, as arrays."""
+    M, G = schedule.pattern.shape
+    # pieces that fill up after the last sample take any
+    samples = np.minimum(schedule.samples, len(imu) - 1)
+    sizes = [len(s.axes) for s in sensors]
+    valid = np.zeros((M, sum(sizes)))
+    for at, size, segments in zip(np.cumsum([0, *sizes]), sizes, fix_segments, strict=False):
+        valid[segments, at : at + size] = 1.0
+    return Timeline(
+        imu=jnp.asarray(np.concatenate([imu.accel, imu.gyro], axis=1)[samples].reshape(M, G, -1, 6)),
+        pattern=jnp.asarray(schedule.pattern),
+        dt=jnp.asarray(schedule.dt),
+        ends=jnp.asarray(schedule.ends),
+        truth=truth,
+        valid=jnp.asarray(valid),
+        g_n=g_n,
+    )
+
+
+def prepare(
+    reference: Trajectory,
+    aiding: Sequence[AbstractAiding],
+    *,
+    rate: Real,
+    initial: InitialUncertainty | None = None,
+    earth: FlatEarth | None = None,
+    every: int = 1,
+    output_interval: Real = 1.0,
+) -> Experiment:
+    """Prepare runs along a reference, for use inside JAX programs.
+
+    ``draw_inputs(experiment, truth, run_keys(key, 0, n))`` and ``run_filter(experiment, believed, inputs)`` are then
+    pure functions of what they are given: they may be differentiated, in parameters of the emulated errors, of the
+    filter, of ``experiment.sensors`` and ``experiment.initial``. Parameters as in `nav_jax.compare`; `rate` is that of
+    the IMU.
+    """
+    return Setup(
+        reference,
+        aiding,
+        rate=rate,
+        initial=InitialUncertainty() if initial is None else initial,
+        earth=FlatEarth() if earth is None else earth,
+        every=every,
+        output_interval=output_interval,
+    ).experiment
+
+
+def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], earth: FlatEarth) -> Truth:
+    """The reference at any times: mechanised from the epoch before each."""
+    step = (reference.time[-1] - reference.time[0]) / len(imu.time)
+    position = (times - reference.time[0]) / step
+    near = np.abs(position - np.rint(position)) < 1e-6
+    index = np.where(near, np.rint(position), np.floor(position)).astype(int)
+    past = np.where(near, 0.0, position - index) * step
+    sample = np.minimum(index, len(imu.time) - 1)
+    p, v, q = (jnp.asarray(a[index].T) for a in (reference.position, reference.velocity, reference.quaternion))
+    gyro, accel = jnp.asarray(imu.gyro[sample].T), jnp.asarray(imu.accel[sample].T)
+    p, v, q = strapdown.step(p, v, q, gyro, accel, jnp.asarray(past)[None], earth.gravity_n(p))
+    return Truth(*(a.T[:, :, None] for a in (p, v, q)))
+
+
+@eqx.filter_jit
+def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys: Key[Array, " R"]) -> Inputs:
+    """Draw what R runs are given: initial errors, sensor errors, measurements. The same for every filter.
+
+    Errors of the sensors that a model describes are drawn only when a filter comes to them (`emulation.DrawnErrors`).
+    """
+    timeline = experiment.timeline
+    M, num_runs = timeline.pattern.shape[0], keys.shape[0]
+    errors = emulate(truth, keys, experiment.num_samples, timeline.ends[timeline.pattern])
+    deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (9,)), out_axes=1)(keys)
+    begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
+    begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
+    z = []
+    for sensor, fixes, num in zip(experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True):
+        exact = jax.vmap(sensor.predict)(timeline.truth.p, timeline.truth.v)
+        noise = sensor.draw(num, jax.vmap(lambda k, name=sensor.name: stream(k, name))(keys))
+        number_of, segment = fixes
+        z.append(jnp.broadcast_to(exact, (M, exact.shape[1], num_runs)).at[segment].add(noise[number_of]))
+    z.append(jnp.zeros((M, 0, num_runs)))
+    return Inputs(begin, errors, jnp.concatenate(z, axis=1))
+
+
+@eqx.filter_jit
+def gains_of(experiment: Experiment, believed: ImuErrors, *, smooth: bool = False) -> Gains:
+    """Covariance and gains of a filter along the reference; `smooth` for a smoother, which wants more of it."""
+    bank = believed.bank()
+    start = experiment.start._replace(x=jnp.zeros((len(bank.states), 1)))
+    P = start_covariance(experiment.initial, bank)
+    return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, remember=smooth)
+
+
+@eqx.filter_jit
+def run_filter(
+    experiment: Experiment,
+    believed: ImuErrors,
+    inputs: Inputs,
+    gains: Gains | None = None,
+    *,
+    trace: bool = False,
+    smooth: bool = False,
+) -> Outcome:
+    """Run a filter over R runs; with `gains` of the reference, or else each run with its own.
+
+    Parameters
+    ----------
+    experiment
+        What all runs share.
+    believed
+        What the filter believes of the sensor errors.
+    inputs
+        Of the runs, see `draw_inputs`.
+    gains
+        See `gains_of`.
+    trace
+        Keep the estimate after every covariance step.
+    smooth
+        Judge the estimate of the smoother, from all measurements of the run; innovations are those of the filter.
+    """
+    bank = believed.bank()
+    num_runs = inputs.start.p.shape[1]
+    inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), num_runs))))
+    timeline, sensors = experiment.timeline, experiment.sensors
+    if gains is None:
+        P = start_covariance(experiment.initial, bank)
+        outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)
+    else:
+        outcome = run_reference(timeline, bank, sensors, inputs, gains, trace=trace)
+    return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
+
+
+def start_covariance(initial: InitialUncertainty, bank: SensorBank) -> Float[Array, "n n"]:
+    """Covariance of the error state at the start."""
+    return jax.scipy.linalg.block_diag(initial.covariance, bank.initial)
+
+
+def run_keys(key: Key[Array, ""], first: int, last: int) -> Key[Array, " R"]:
+    """The keys of the runs first .. last - 1: a run has its key whatever the number of runs."""
+    return jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(first, last, dtype=jnp.uint32))
+
+
+def check_rates(truth: Any, filters: dict[str, ImuErrors]) -> float:
+    """Return the rate that emulation and filters share, or raise."""
+    if not isinstance(truth, ImuErrors | RecordedErrors):
+        raise ValueError(f"truth is ImuErrors or RecordedErrors, and this is {truth!r}.")
+    for name, f in filters.items():
+        if not isinstance(f, ImuErrors):
+            raise ValueError(f"The filter {name!r} believes ImuErrors, and this is {f!r}.")
+        if abs(f.rate / truth.rate - 1) > 1e-6:
+            raise ValueError(
+                f"The filter {name!r} belongs to {f.rate:g} Hz and the emulated errors to {truth.rate:g} Hz. "
+                f"Parameters are per sample: use at_rate({truth.rate:g}), which keeps the noise in continuous time."
+            )
+    return truth.rate

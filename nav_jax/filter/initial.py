@@ -1,0 +1,66 @@
+"""How well a run's start is known."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._internal.nav_checks import as_float, concrete, positive
+
+
+class InitialUncertainty(eqx.Module):
+    """Covariance of the navigation error at the start: every run draws its initial error from it, the filter knows it.
+
+    Parameters
+    ----------
+    position_sd, velocity_sd, attitude_sd
+        Standard deviations in m, m/s and rad: one number, or three (north, east, down). 0: known exactly.
+    covariance
+        Instead of them the whole matrix (9, 9), in the order position, velocity, attitude.
+
+    Raises
+    ------
+    ValueError
+        A negative standard deviation, or a matrix that is not symmetric and positive semi-definite.
+    """
+
+    covariance: Float[Array, "9 9"]
+
+    def __init__(
+        self,
+        position_sd: Any = 0.0,
+        velocity_sd: Any = 0.0,
+        attitude_sd: Any = 0.0,
+        *,
+        covariance: Any = None,
+    ):
+        given = {"position_sd": position_sd, "velocity_sd": velocity_sd, "attitude_sd": attitude_sd}
+        if covariance is None:
+            for name, value in given.items():
+                positive(name, value, zero_ok=True)
+                if np.shape(value) not in ((), (3,)):
+                    raise ValueError(f"{name} is one number or three, and has the shape {np.shape(value)}.")
+            sd = jnp.concatenate([jnp.broadcast_to(as_float(value), (3,)) for value in given.values()])
+            self.covariance = jnp.diag(sd**2)
+            return
+        if any(concrete(v) is None or np.any(concrete(v)) for v in given.values()):
+            raise ValueError("Give standard deviations or the covariance of the initial error, not both.")
+        self.covariance = as_float(covariance)
+        if self.covariance.shape != (9, 9):
+            raise ValueError(f"The covariance of the initial error is (9, 9), and this one {self.covariance.shape}.")
+        seen = concrete(self.covariance)
+        if seen is None:
+            return
+        if not np.isfinite(seen).all() or not np.allclose(seen, seen.T, rtol=1e-9, atol=0):
+            raise ValueError("The covariance of the initial error must be finite and symmetric.")
+        scale = np.sqrt(np.diag(seen).clip(0))
+        correlation = seen / np.where(scale > 0, scale, 1)[:, None] / np.where(scale > 0, scale, 1)[None, :]
+        lowest = np.linalg.eigvalsh(correlation).min()
+        if lowest < -1e-9 or np.any(np.diag(seen) < 0):
+            raise ValueError(
+                "The covariance of the initial error is not positive semi-definite: the smallest eigenvalue of its "
+                f"correlations is {lowest:.3g}."
+            )

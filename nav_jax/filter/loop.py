@@ -1,0 +1,268 @@
+"""The time loop: over segments that end with an update or an output, and over the covariance steps inside.
+
+`run_estimate`: every run has its own covariance, about its own estimate (an EKF). `run_reference`: one covariance along
+the reference, whose gains all runs share; to first order in the errors the same filter, at a fraction of the cost.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Int
+
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.ekf import NavState, Update, correction, inject, mechanise, mechanise_with_motion, update
+from nav_jax.filter.error_model import blocks, full, propagate, transition
+from nav_jax.filter.score import Claim, Judgement, Truth, claim, judge
+from nav_jax.filter.status import Status
+from nav_jax.imu.bank import SensorBank, alone, step_noises
+from nav_jax.imu.emulation import AbstractErrors
+
+
+class Timeline(eqx.Module):
+    """A run's schedule and what all runs share, as arrays; M segments of G steps of n pieces."""
+
+    imu: Float[Array, "M G n 6"]
+    """Perfect sensors."""
+    pattern: Int[Array, "M G"]
+    dt: Float[Array, "U n"]
+    ends: Float[Array, "U n"]
+    truth: Truth
+    """At the end of each segment."""
+    valid: Float[Array, "M K"]
+    """1 where a scalar is measured at the end of a segment."""
+    g_n: Float[Array, "3 1"]
+
+
+class Inputs(NamedTuple):
+    """What R runs are given."""
+
+    start: NavState
+    errors: AbstractErrors
+    """Added to the perfect sensors."""
+    z: Float[Array, "M K R"]
+    """Measurements; anything where there are none."""
+
+
+class Memory(NamedTuple):
+    """What a smoother wants of each of the M segments."""
+
+    P: Float[Array, "M n n Q"]
+    """Covariance at its end, after the update."""
+    gain: Float[Array, "M K n Q"]
+    """Of that update, see `Update`."""
+    transition: Float[Array, "M n n Q"]
+    """From its beginning to its end, before the update."""
+
+
+class Outcome(NamedTuple):
+    """What comes out, at the end of each of the M segments."""
+
+    judgement: Judgement
+    innovation: Float[Array, "M K R"]
+    variance: Float[Array, "M K Q"]
+    """Of the innovations."""
+    status: Int[Array, " R"]
+    state: NavState
+    """The estimate."""
+    trace: Any
+    """The estimate after each covariance step, or None."""
+    memory: Memory | None
+    """If it was asked for."""
+
+
+class Gains(NamedTuple):
+    """What all runs share with `run_reference`, at the end of each of the M segments."""
+
+    update: Update
+    claim: Claim
+    memory: Memory | None
+
+
+Sensors = tuple[AbstractAiding, ...]
+
+
+def run_estimate(
+    timeline: Timeline,
+    bank: SensorBank,
+    sensors: Sensors,
+    inputs: Inputs,
+    P_start: Float[Array, "n n"],
+    *,
+    trace: bool = False,
+    remember: bool = False,
+) -> Outcome:
+    """Run R filters, each with a covariance about its own estimate.
+
+    Parameters
+    ----------
+    timeline
+        The schedule and the reference.
+    bank
+        What the filters believe of the sensor errors.
+    sensors
+        Aiding sensors, K scalars in all.
+    inputs
+        Of the R runs.
+    P_start
+        Covariance of the error state at the start.
+    trace
+        Keep the estimate after every covariance step.
+    remember
+        Keep what a smoother wants.
+    """
+    H, variance = stacked(sensors)
+    alike = alone(bank)
+    kinds = step_noises(alike, timeline.dt, timeline.ends)
+    one = _identity(P_start, inputs.start.p.shape[1]) if remember else None
+
+    def step(carry, given):
+        state, P, status, noise, Phi = carry
+        kind, imu, own = given
+        ends = timeline.ends[kind]
+        noise, errors = inputs.errors.step(noise, ends, own)
+        sensed = imu[:, :, None] + errors
+        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.g_n)
+        now = jax.tree.map(lambda a: a[kind], kinds)
+        Phi = None if Phi is None else transition(Phi, motion, now)
+        return (state, propagate(P, motion, now), status, noise, Phi), state if trace else None
+
+    def event(carry, given):
+        state, P, status, noise, Phi = carry
+        at, z, own = given
+        whole, done = update(full(P), H, variance, at.valid)
+        c, innovation = correction(done.gain, z - _predict(sensors, state), H)
+        state, P = inject(state, c), blocks(whole)
+        status = jnp.where(status == Status.ok, _check(state, whole), status)
+        judgement = judge(state, claim(P, alike), bank, at.truth, inputs.errors.lasting(noise, own))
+        memory = None if Phi is None else Memory(full(P), done.gain, Phi)
+        return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory)
+
+    num_runs = inputs.start.p.shape[1]
+    P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
+    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one)
+    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
+    events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.errors.per_segment)
+    last, (kept, (judgement, innovation, variance_of, states, memory)) = time_loop(step, event, start, steps, events)
+    return Outcome(judgement, innovation, variance_of, last[2], states, kept, memory)
+
+
+def reference_gains(
+    timeline: Timeline,
+    bank: SensorBank,
+    sensors: Sensors,
+    start: NavState,
+    P_start: Float[Array, "n n"],
+    *,
+    remember: bool = False,
+) -> Gains:
+    """Covariance and gains along the reference, for `run_reference`.
+
+    Parameters
+    ----------
+    timeline, bank, sensors, P_start, remember
+        As in `run_estimate`.
+    start
+        The reference at the start, one run, with sensor states of zero.
+    """
+    H, variance = stacked(sensors)
+    alike = alone(bank)
+    kinds = step_noises(alike, timeline.dt, timeline.ends)
+    one = _identity(P_start, 1) if remember else None
+
+    def step(carry, given):
+        state, P, Phi = carry
+        kind, imu = given
+        state, motion = mechanise_with_motion(
+            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n
+        )
+        now = jax.tree.map(lambda a: a[kind], kinds)
+        Phi = None if Phi is None else transition(Phi, motion, now)
+        return (state, propagate(P, motion, now), Phi), None
+
+    def event(carry, at):
+        state, P, Phi = carry
+        whole, done = update(full(P), H, variance, at.valid)
+        P = blocks(whole)
+        memory = None if Phi is None else Memory(whole, done.gain, Phi)
+        return (state, P, one), Gains(done, claim(P, alike), memory)
+
+    carry = (start, blocks(P_start[:, :, None]), one)
+    events = _Event(timeline.truth, timeline.valid)
+    return time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
+
+
+def run_reference(
+    timeline: Timeline, bank: SensorBank, sensors: Sensors, inputs: Inputs, gains: Gains, *, trace: bool = False
+) -> Outcome:
+    """Run R filters with gains that were computed along the reference; parameters as in `run_estimate`."""
+    H, _ = stacked(sensors)
+
+    def step(carry, given):
+        state, status, noise = carry
+        kind, imu, own = given
+        ends = timeline.ends[kind]
+        noise, errors = inputs.errors.step(noise, ends, own)
+        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.g_n)
+        return (state, status, noise), state if trace else None
+
+    def event(carry, given):
+        state, status, noise = carry
+        at, known, z, own = given
+        c, innovation = correction(known.update.gain, z - _predict(sensors, state), H)
+        state = inject(state, c)
+        status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
+        judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own))
+        return (state, status, noise), (judgement, innovation, state)
+
+    start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
+    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
+    known = gains._replace(memory=None)
+    events = (_Event(timeline.truth, timeline.valid), known, inputs.z, inputs.errors.per_segment)
+    (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
+    return Outcome(judgement, innovation, gains.update.variance, status, states, kept, gains.memory)
+
+
+class _Event(NamedTuple):
+    truth: Truth
+    valid: Float[Array, "M K"]
+
+
+def time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
+    """Both loops. Reverse mode keeps the carry of each segment only, and goes through a segment twice."""
+
+    def segment(carry, given):
+        steps, at = given
+        carry, kept = jax.lax.scan(step, carry, steps)
+        carry, out = event(carry, at)
+        return carry, (kept, out)
+
+    return jax.lax.scan(jax.checkpoint(segment, prevent_cse=False), carry, (steps, events))
+
+
+def _identity(P: Float[Array, "n n"], num: int) -> Float[Array, "n n Q"]:
+    return jnp.broadcast_to(jnp.eye(P.shape[0])[:, :, None], (*P.shape, num))
+
+
+def stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+    """H of all scalars, and the variances that the filter believes."""
+    none = [jnp.zeros((0, 9))], [jnp.zeros(0)]
+    H = jnp.concatenate(none[0] + [s.jacobian() for s in sensors])
+    return H, jnp.concatenate(none[1] + [s.believed**2 for s in sensors])
+
+
+def _predict(sensors: Sensors, state: NavState) -> Float[Array, "K R"]:
+    none = jnp.zeros((0, state.p.shape[1]))
+    return jnp.concatenate([none, *(s.predict(state.p, state.v) for s in sensors)])
+
+
+def _check(state: NavState, P: Float[Array, "n n Q"]) -> Int[Array, " R"]:
+    """Status of each run at an event."""
+    sums = sum(jnp.sum(a, axis=0) for a in state)
+    variances = jnp.stack([P[i, i] for i in range(P.shape[0])])
+    finite = jnp.isfinite(sums + jnp.sum(variances, axis=0))
+    positive = jnp.all(variances >= 0, axis=0)
+    bad = jnp.where(finite & positive, int(Status.ok), int(Status.not_positive))
+    return jnp.where(finite, bad, int(Status.non_finite)).astype(jnp.int32)

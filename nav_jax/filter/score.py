@@ -1,0 +1,70 @@
+"""What is kept of a run at an output: errors against the truth, what the filter claims, and whether the two agree."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from nav_jax.filter.ekf import NavState
+from nav_jax.filter.error_model import Covariance
+from nav_jax.imu.bank import SensorBank, by_channel
+from nav_jax.kinematics.linalg import root, transpose, whiten
+from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
+
+
+class Truth(NamedTuple):
+    """The reference at one time, the same for all runs."""
+
+    p: Float[Array, "3 1"]
+    v: Float[Array, "3 1"]
+    q: Float[Array, "4 1"]
+
+
+class Claim(NamedTuple):
+    """What a filter says of its errors: of navigation, and of the errors of the six channels."""
+
+    navigation: Float[Array, "9 9 Q"]
+    sensors: Float[Array, "6 6 Q"]
+
+
+class Judgement(NamedTuple):
+    """Errors and normalised squared errors (NEES) of R runs."""
+
+    error: Float[Array, "15 R"]
+    """Estimate minus truth: position, velocity, attitude, six channels."""
+    sd: Float[Array, "15 Q"]
+    position_covariance: Float[Array, "3 3 Q"]
+    nees: Float[Array, "6 R"]
+    """Of position, velocity, attitude, pose, navigation, sensors; NaN where the covariance is singular."""
+
+
+def claim(P: Covariance, banks: SensorBank) -> Claim:
+    """Marginal covariances that filters claim; `banks` has a leading axis, of 1 where runs share it."""
+    h = banks.readout.T[:, None]
+    rows = by_channel(banks.channels, h * P.sensors)
+    return Claim(P.navigation, by_channel(banks.channels, h * transpose(rows)))
+
+
+def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting: Float[Array, "6 R"]) -> Judgement:
+    """Compare an estimate with the truth."""
+    psi = quat_to_rotvec(quat_multiply(state.q, quat_conjugate(jnp.broadcast_to(truth.q, state.q.shape))))
+    sensors = bank.errors(state.x) - lasting
+    error = jnp.concatenate([state.p - truth.p, state.v - truth.v, psi, sensors])
+    N = claim.navigation
+    variance = jnp.concatenate([_diagonal(N), _diagonal(claim.sensors)])
+    # the factor of a matrix holds those of its leading blocks: position, pose, navigation at once
+    order = jnp.array([0, 1, 2, 6, 7, 8, 3, 4, 5])
+    y = jnp.cumsum(whiten(N[order][:, order], error[order]) ** 2, axis=0)
+    velocity = jnp.sum(whiten(N[3:6, 3:6], error[3:6]) ** 2, axis=0)
+    attitude = jnp.sum(whiten(N[6:9, 6:9], error[6:9]) ** 2, axis=0)
+    seen = jnp.array(sorted(set(bank.channels)), dtype=int)
+    if len(seen):
+        of_sensors = jnp.sum(whiten(claim.sensors[seen][:, seen], sensors[seen]) ** 2, axis=0)
+    else:
+        of_sensors = jnp.full_like(velocity, jnp.nan)
+    nees = jnp.stack([y[2], velocity, attitude, y[5], y[8], of_sensors])
+    return Judgement(error, root(variance), N[:3, :3], nees)
+
+
+def _diagonal(P: Float[Array, "K K Q"]) -> Float[Array, "K Q"]:
+    return jnp.stack([P[i, i] for i in range(P.shape[0])])

@@ -1,0 +1,90 @@
+r"""The fixed-interval smoother: the estimate at every event from the measurements before and after it.
+
+In the form of Bryson and Frazier (Bierman 1973), which inverts no covariance, so that states known exactly do no harm.
+Backward through the events and their scalars, with lambda and Lambda zero after the last:
+
+    at an event     x_s = x - P lambda,  P_s = P - P Lambda P                     (x, P after its update)
+    its scalars     lambda <- (1 - K h)' lambda - h' nu/s,  Lambda <- (1 - K h)' Lambda (1 - K h) + h' h/s
+    the segment     lambda <- Phi' lambda,  Lambda <- Phi' Lambda Phi
+
+It is the smoother of Rauch, Tung and Striebel, linearised about the filter's estimates, whose errors it corrects.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from nav_jax.filter.ekf import NavState, inject
+from nav_jax.filter.error_model import blocks
+from nav_jax.filter.loop import Memory, Outcome, Sensors, Timeline, stacked
+from nav_jax.filter.score import Truth, claim, judge
+from nav_jax.imu.bank import SensorBank, alone
+from nav_jax.kinematics.linalg import symmetrise
+
+
+def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Outcome) -> Outcome:
+    """The outcome of a filter that remembered, with the smoothed estimate and its covariance in its judgement.
+
+    Raises
+    ------
+    ValueError
+        It did not remember.
+    """
+    memory = outcome.memory
+    if memory is None:
+        raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, believed, smooth=True).")
+    state, P = smooth_events(timeline.valid, stacked(sensors)[0], outcome)
+    lasting = jax.vmap(bank.errors)(outcome.state.x) - outcome.judgement.error[:, 9:]
+
+    def one(state: NavState, P: Array, truth: Truth, lasting: Array):
+        return judge(state, claim(blocks(P), alone(bank)), bank, truth, lasting)
+
+    judgement = jax.vmap(one)(state, P, timeline.truth, lasting)
+    return outcome._replace(judgement=judgement, state=state, memory=memory._replace(P=P))
+
+
+def smooth_events(
+    valid: Float[Array, "M K"], H: Float[Array, "K 9"], outcome: Outcome
+) -> tuple[NavState, Float[Array, "M n n Q"]]:
+    """Smoothed estimate of each run and its covariance at the end of each segment.
+
+    Parameters
+    ----------
+    valid
+        1 where a scalar is measured at the end of a segment.
+    H
+        Derivative of each scalar with respect to the navigation errors.
+    outcome
+        Of a filter that remembered.
+    """
+    memory: Memory = outcome.memory  # type: ignore[assignment]
+    n, num_covariances = memory.P.shape[1], memory.P.shape[3]
+    num_runs = outcome.innovation.shape[2]
+    h_whole = jnp.pad(H, ((0, 0), (0, n - 9)))
+
+    def scalar(carry, given):
+        lam, Lam = carry
+        K, h, nu, s, is_valid = given
+        w = is_valid / s
+        # (1 - K h)' x = x - h' (K' x)
+        lam = lam - h[:, None] * (jnp.sum(K * lam, axis=0) + w * nu)[None]
+        left = Lam - h[:, None, None] * jnp.sum(K[:, None] * Lam, axis=0)[None]
+        Lam = left - jnp.sum(left * K[None], axis=1)[:, None] * h[None, :, None]
+        return (lam, symmetrise(Lam + h[:, None, None] * h[None, :, None] * w[None, None])), None
+
+    def event(carry, given):
+        lam, Lam = carry
+        state, P, K, Phi, nu, s, is_valid = given
+        # P Lambda P, with runs last
+        U = jnp.einsum("ijq,jkq->ikq", P, Lam)
+        better = symmetrise(P - jnp.einsum("ijq,jkq->ikq", U, P))
+        state = inject(state, -jnp.einsum("ijq,jr->ir", P, lam) if P.shape[2] == 1 else -jnp.sum(P * lam[None], axis=1))
+        (lam, Lam), _ = jax.lax.scan(scalar, (lam, Lam), (K, h_whole, nu, s, is_valid), reverse=True)
+        lam = jnp.sum(Phi * lam[:, None], axis=0)
+        Lam = symmetrise(jnp.einsum("jiq,jkq,klq->ilq", Phi, Lam, Phi))
+        return (lam, Lam), (state, better)
+
+    given = (outcome.state, memory.P, memory.gain, memory.transition, outcome.innovation, outcome.variance, valid)
+    start = (jnp.zeros((n, num_runs)), jnp.zeros((n, n, num_covariances)))
+    return jax.lax.scan(event, start, given, reverse=True)[1]

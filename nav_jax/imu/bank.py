@@ -1,0 +1,191 @@
+"""All Markov states of a sensor error model, stacked, and what they do over a covariance step.
+
+Sample and hold: sample k of an error lasts from t_k to t_{k+1}, in the emulation and in the filter alike. The integral
+of a state over a step is then a finite sum and its discretisation exact, without a series: over samples of length dt_i,
+
+    y = sum_i dt_i (h' x_i + v_i),    x_{i+1} = Phi x_i + w_i,
+
+and `step_noise` adds up the weights of x_0 in y and the covariances of the noise in y and x, sample by sample. White
+noise has the density r/f, also over a part of a sample (where a fix lies between two samples).
+"""
+
+from functools import cache
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from nav_jax.imu.channels import CHANNELS, SensorState
+
+
+class SensorBank(eqx.Module):
+    """The states of the six channels, per sample: x' = Phi x + w, error of a channel = sum of h x + v."""
+
+    transition: Float[Array, "M M"]
+    driving: Float[Array, "M M"]
+    """Covariance of w."""
+    readout: Float[Array, " M"]
+    initial: Float[Array, "M M"]
+    """Covariance of x at the start."""
+    white: Float[Array, "6"]
+    """Variance of v of each channel."""
+    rate: Float[Array, ""]
+    """Hz."""
+    states: tuple[SensorState, ...] = eqx.field(static=True)
+    diagonal: bool = eqx.field(static=True)
+    """Does every state go its own way? Then products with Phi are elementwise."""
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """The channel of each state."""
+        return tuple(s.channel for s in self.states)
+
+    def errors(self, x: Float[Array, "M *R"]) -> Float[Array, "6 *R"]:
+        """The error of each channel without its white part."""
+        return by_channel(self.channels, self.readout.reshape(-1, *(1,) * (x.ndim - 1)) * x)
+
+    def advance(self, x: Float[Array, "M R"], ends: Float[Array, ""]) -> Float[Array, "M R"]:
+        """Phi x where a sample ends (1), x where it does not (0)."""
+        if self.diagonal:
+            phi = jnp.diag(self.transition)
+            return (1.0 + ends * (phi - 1.0))[:, None] * x
+        return x + ends * (self.transition @ x - x)
+
+
+class StepNoise(eqx.Module):
+    """What a covariance step needs of Q banks, 1 or as many as runs; see the head of this file for y."""
+
+    duration: Float[Array, ""]
+    inverse_duration: Float[Array, ""]
+    """0 for an empty step."""
+    transition: Float[Array, "*M Q"]
+    """Phi over the step: its diagonal where `diagonal`."""
+    weights: Float[Array, "M Q"]
+    """Of the states in y."""
+    integrated: Float[Array, "6 Q"]
+    """Variance of the noise in y."""
+    cross: Float[Array, "6 M Q"]
+    """Covariance of the noise in y with that in x."""
+    driving: Float[Array, "M M Q"]
+    """Covariance of the noise in x."""
+    second_integral: Float[Array, ""]
+    """Variance of the second integral of white noise over that of the first, less T^2/2: negative."""
+    channels: tuple[int, ...] = eqx.field(static=True)
+    diagonal: bool = eqx.field(static=True)
+    several: bool = eqx.field(static=True)
+    """More than one sample in a step."""
+
+    def integrate(self, X: Float[Array, "M K R"]) -> Float[Array, "6 K R"]:
+        """Weighted sum over the states of each channel."""
+        return by_channel(self.channels, self.weights[:, None] * X)
+
+    def carry(self, S: Float[Array, "J M R"]) -> Float[Array, "J M R"]:
+        """S Phi'."""
+        if self.diagonal:
+            return S * self.transition[None]
+        return jnp.einsum("jmr,kmr->jkr", S, self.transition)
+
+    def advance(self, B: Float[Array, "M M R"]) -> Float[Array, "M M R"]:
+        """Phi B Phi' + Q."""
+        Phi = self.transition
+        if self.diagonal:
+            return B * (Phi[:, None] * Phi[None]) + self.driving
+        return jnp.einsum("imr,mnr,jnr->ijr", Phi, B, Phi) + self.driving
+
+
+def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"]) -> Float[Array, "6 *K"]:
+    """Sum over the states of each channel; 0 for a channel without state."""
+    rest = X.shape[1:]
+    total = jnp.zeros((len(CHANNELS), *rest), X.dtype)
+    for run in _runs(channels):
+        # channels with as many states each, one after the other: one slice, whose gradient is one padded array
+        part = jnp.sum(X[run.start : run.stop].reshape(run.channels, -1, *rest), axis=1)
+        total = total.at[run.first : run.first + run.channels].add(part)
+    return total
+
+
+class _Run(NamedTuple):
+    start: int
+    stop: int
+    first: int
+    """The first of the channels."""
+    channels: int
+
+
+@cache
+def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
+    """States start .. stop that belong to consecutive channels, with as many states each."""
+    counts = [(c, len(list(same))) for c, same in groupby(channels)]
+    runs: list[_Run] = []
+    at = 0
+    for channel, count in counts:
+        last = runs[-1] if runs else None
+        if last and channel == last.first + last.channels and (last.stop - last.start) == count * last.channels:
+            runs[-1] = last._replace(stop=at + count, channels=last.channels + 1)
+        else:
+            runs.append(_Run(at, at + count, channel, 1))
+        at += count
+    return tuple(r for r in runs if r.first >= 0)
+
+
+def alone(bank: Any) -> Any:
+    """One bank (or anything else) as many of which there is one: arrays with a leading axis of 1."""
+    return jax.tree.map(lambda a: a[None], bank)
+
+
+def step_noises(banks: SensorBank, dt: Float[Array, "U n"], ends: Float[Array, "U n"]) -> StepNoise:
+    """What each kind of covariance step does, see `step_noise`; arrays (U, ..., Q)."""
+    return jax.vmap(lambda dt, ends: step_noise(banks, dt, ends))(dt, ends)
+
+
+def step_noise(banks: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]) -> StepNoise:
+    """Accumulate a covariance step.
+
+    Parameters
+    ----------
+    banks
+        Q of them: arrays with a leading axis.
+    dt
+        Length in s of each piece of the step; 0 for a piece that pads.
+    ends
+        1 where the piece ends its IMU sample and the error goes on to the next, 0 where it does not.
+    """
+    T = jnp.sum(dt)
+    inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
+    # a pulse at s moves the position by T - s: its mean square
+    middle = jnp.cumsum(dt) - dt / 2
+    spread = jnp.sum(dt * (T - middle) ** 2) * inverse - T**2 / 2
+    parts = jax.vmap(lambda bank: _accumulate(bank, dt, ends), out_axes=-1)(banks)
+    return StepNoise(
+        T, inverse, *parts, spread, channels=banks.channels, diagonal=banks.diagonal, several=len(dt) > 1
+    )  # fmt: skip
+
+
+def _accumulate(
+    bank: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n"]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """From `transition` to `driving` of `StepNoise`, of one bank."""
+    size = len(bank.states)
+    select = jnp.asarray(np.equal.outer(np.arange(len(CHANNELS)), np.array(bank.channels, dtype=int)).astype(float))
+    h = bank.readout
+
+    def piece(carry, inputs):
+        # row: h' Phi^i; V_.. covariances of the noise so far
+        row, phi, weights, V_yy, V_yx, V_xx = carry
+        length, end = inputs
+        weights = weights + length * row
+        V_yy = V_yy + select @ (2 * length * h * V_yx + length**2 * h * (V_xx @ h)) + length / bank.rate * bank.white
+        V_yx = V_yx + length * (V_xx @ h)
+        Phi = jnp.eye(size) + end * (bank.transition - jnp.eye(size))
+        V_xx = Phi @ V_xx @ Phi.T + end * bank.driving
+        return (row @ Phi, Phi @ phi, weights, V_yy, Phi @ V_yx, V_xx), None
+
+    zero, none = jnp.zeros(size), jnp.zeros((size, size))
+    start = (h, jnp.eye(size), zero, jnp.zeros(len(CHANNELS)), zero, none)
+    (_, phi, weights, V_yy, V_yx, V_xx), _ = jax.lax.scan(piece, start, (dt, ends))
+    return jnp.diag(phi) if bank.diagonal else phi, weights, V_yy, select * V_yx[None, :], V_xx

@@ -1,0 +1,320 @@
+"""The bridge from noise models to a filter and an emulation: with `noise_models` the only file that sees gmwm_jax.
+
+An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model of its own. What a process is to a
+filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR and
+MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not
+grow: a filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that
+is. Noise of long memory (BI, FGN) has no state either; `gmwm_jax.flicker_ladder` approximates BI by GM.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gmwm_jax import Composite, StateSpace, read_recording, units
+from gmwm_jax._internal.nav_checks import as_float, concrete, positive, sampling_rate
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax.recordings import datasets
+from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.channels import CHANNELS, SensorState
+from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form
+from nav_jax.imu.recorded import RecordedErrors
+
+_ALL_START = ("DR", "SIN", "bias")
+"""Processes without driving noise: all that is random in them is how they start."""
+
+
+class ImuErrors(eqx.Module):
+    """Noise of the six channels of an IMU: what is emulated, or what a filter believes.
+
+    Parameters
+    ----------
+    accel, gyro
+        A model for all three axes, or three of them (a sequence, or a mapping with the keys x, y, z). A model is one of
+        gmwm_jax (a process, a sum, a text, parameters per sample in SI) or a fit of it.
+    rate
+        Sampling rate in Hz that the parameters belong to. Fits know theirs, models do not.
+    accel_bias_sd, gyro_bias_sd
+        Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three.
+    start
+        ``stationary``: every process starts from its stationary distribution, if it has one (a random walk starts with
+        its first step). ``zero``: all states start at zero and are known to, as in R's navigation, but for what is
+        nothing else than its start: a drift, a sinusoid, a turn-on bias.
+
+    Raises
+    ------
+    ValueError
+        No rate or a contradicting one, a parameter without value, a negative variance, an unknown sensor or axis.
+
+    Notes
+    -----
+    A drift DR(omega) has a known size but no known sign: its slope is drawn from N(0, omega^2), which is also what a
+    filter assumes.
+    """
+
+    models: tuple[Composite, ...]
+    """Of the channels, in the order of `nav_jax.imu.channels.CHANNELS`; None-free, zero components left out."""
+    bias_sd: Float[Array, "6"]
+    biased: tuple[int, ...] = eqx.field(static=True)
+    """Channels with a turn-on bias."""
+    rate: float = eqx.field(static=True)
+    start: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        accel: Any,
+        gyro: Any,
+        rate: Real | None = None,
+        *,
+        accel_bias_sd: Any = 0.0,
+        gyro_bias_sd: Any = 0.0,
+        start: str = "stationary",
+    ):
+        given = [*_per_axis("accel", accel), *_per_axis("gyro", gyro)]
+        rates = {float(r) for r in (getattr(m, "rate", None) for m in given) if r is not None}
+        if rate is not None:
+            rates.add(sampling_rate(rate))
+        if not rates:
+            raise ValueError("The rate of the models is missing: give rate=... in Hz. It is never guessed.")
+        if max(rates) / min(rates) > 1 + 1e-6:
+            seen = ", ".join(f"{r:g}" for r in sorted(rates))
+            raise ValueError(f"The models belong to different rates ({seen} Hz): convert with at_rate() first.")
+        if start not in ("stationary", "zero"):
+            raise ValueError(f'start is "stationary" or "zero", and is {start!r}.')
+        self.models = tuple(as_model(m, channel) for m, channel in zip(given, CHANNELS, strict=True))
+        self.bias_sd = jnp.concatenate([_three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd)])
+        seen = concrete(self.bias_sd)
+        self.biased = tuple(range(len(CHANNELS))) if seen is None else tuple(int(i) for i in np.flatnonzero(seen))
+        self.rate = rates.pop()
+        self.start = start
+
+    def at_rate(self, rate: Real) -> "ImuErrors":
+        """The same physical noise, that is the same continuous-time densities, sampled at another rate.
+
+        Raises
+        ------
+        ValueError
+            An AR1 with phi <= 0 has no continuous-time form.
+        """
+        rate = sampling_rate(rate)
+        models = [_at_rate(m, self.rate, rate) for m in self.models]
+        return ImuErrors(
+            models[:3],
+            models[3:],
+            rate,
+            accel_bias_sd=self.bias_sd[:3],
+            gyro_bias_sd=self.bias_sd[3:],
+            start=self.start,
+        )
+
+    def bank(self, *, complete: bool = False) -> SensorBank:
+        """The states of a filter, or of an emulation, that knows this model.
+
+        Parameters
+        ----------
+        complete
+            With all processes: quantisation noise has two states then.
+
+        Raises
+        ------
+        ValueError
+            All are wanted, and one has no state-space form.
+        """
+        forms: list[tuple[SensorState, StateSpace]] = []
+        white = [jnp.zeros(())] * len(CHANNELS)
+        for channel, model in enumerate(self.models):
+            for label, process in zip(model.labels, model.processes, strict=True):
+                form = complete_form(process, CHANNELS[channel]) if complete else process.state_space()
+                if form is None:
+                    continue
+                white[channel] = white[channel] + form.white
+                if len(form.readout):
+                    forms.append((SensorState(channel, label), form))
+            if channel in self.biased:
+                one, zero = jnp.ones((1, 1)), jnp.zeros((1, 1))
+                start = self.bias_sd[channel] ** 2 * one
+                forms.append((SensorState(channel, "bias"), StateSpace(one, zero, jnp.ones(1), start, zero[0, 0])))
+        from_zero = self.start == "zero"
+        known = [from_zero and s.label.split("_")[0] not in _ALL_START for s, _ in forms]
+        initial = [0 * f.initial if is_zero else f.initial for is_zero, (_, f) in zip(known, forms, strict=True)]
+        # the first state is the process; that of DR is followed by its slope, that of others by what drives it
+        states = tuple(
+            s if i == 0 else SensorState(s.channel, f"{s.label} slope" if s.label == "DR" else f"{s.label} driver {i}")
+            for s, f in forms
+            for i in range(len(f.readout))
+        )
+        return SensorBank(
+            transition=block_diagonal([f.transition for _, f in forms]),
+            driving=block_diagonal([f.driving for _, f in forms]),
+            readout=jnp.concatenate([jnp.zeros(0), *(f.readout for _, f in forms)]),
+            initial=block_diagonal(initial),
+            white=jnp.stack(white),
+            rate=as_float(self.rate),
+            states=states,
+            diagonal=all(len(f.readout) == 1 for _, f in forms),
+        )
+
+    def stateless(self, channel: int) -> Composite | None:
+        """The processes of a channel that have no state (quantisation noise); None if there are none."""
+        rest = [p for p in self.models[channel].processes if p.state_space() is None]
+        return Composite(rest) if rest else None
+
+    def notes(self) -> tuple[str, ...]:
+        """What a filter that believes this model leaves out, in a sentence each."""
+        notes = []
+        for channel, model in zip(CHANNELS, self.models, strict=True):
+            for process in model.processes:
+                if process.state_space() is not None:
+                    continue
+                if process.kind != "QN":
+                    notes.append(f"{process.kind} of {channel} has no state and is left out of the filter.")
+                elif (q2 := concrete(process.amplitude)) is not None:
+                    unit = "m/s" if channel.startswith("accel") else "rad"
+                    notes.append(
+                        f"{process.kind} of {channel} has no state and is left out of the filter; its integral is "
+                        f"bounded, with a standard deviation of {np.sqrt(2 * q2) / self.rate:.3g} {unit}."
+                    )
+        return tuple(notes)
+
+    def __repr__(self) -> str:
+        lines = [f"ImuErrors at {self.rate:g} Hz, started from {self.start.replace('stationary', 'stationarity')}"]
+        for sensor, unit, at in (("accel", "m/s^2", 0), ("gyro", "rad/s", 3)):
+            texts = [repr(m) for m in self.models[at : at + 3]]
+            if len(set(texts)) == 1:
+                lines.append(f"  {sensor} x, y, z [{unit}]: {texts[0]}")
+            else:
+                lines += [f"  {sensor} {axis} [{unit}]: {text}" for axis, text in zip("xyz", texts, strict=True)]
+        sd = concrete(self.bias_sd)
+        if sd is not None and sd.any():
+            lines.append(f"  turn-on bias, sd: accel {sd[:3]} m/s^2, gyro {sd[3:]} rad/s")
+        return "\n".join(lines)
+
+
+def sensor_errors(sensor: str, **options: Any) -> ImuErrors:
+    """Errors of a known IMU, with the values of `gmwm_jax.datasets.sensor_models`.
+
+    Parameters
+    ----------
+    sensor
+        Such as ``mti-g``.
+    options
+        Turn-on biases and start, see `ImuErrors`.
+
+    Raises
+    ------
+    ValueError
+        No sensor has this name, or it has no accelerometers.
+    """
+    accel, gyro = (_axes(datasets.sensor_models(sensor), s, sensor) for s in ("accel", "gyro"))
+    return ImuErrors(accel, gyro, datasets.sensor_rate(sensor), **options)
+
+
+def fitted_errors(path: str | os.PathLike[str], **options: Any) -> ImuErrors:
+    """Errors as fitted: a file that ``gmwm-jax fit --json`` has written.
+
+    Parameters
+    ----------
+    path
+        With channels ``accel_x`` to ``gyro_z``, or one of accelerometers and one of gyros, which then serve three axes.
+    options
+        Turn-on biases and start, see `ImuErrors`.
+
+    Raises
+    ------
+    ValueError
+        No such file, channels that are missing, or a fit without rate.
+    """
+    try:
+        fits = json.loads(Path(path).read_text())
+        models = {f["channel"]: " + ".join(map(_term, f["processes"])) for f in fits}
+        rates = [f["rate"] for f in fits]
+    except (KeyError, TypeError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is no file of fits as gmwm-jax fit --json writes it ({error!r}).") from error
+    if None in rates or len(set(rates)) != 1:
+        raise ValueError(f"{path}: the fits belong to one rate, and theirs are {rates} Hz.")
+    accel, gyro = (_axes(models, sensor, path) for sensor in ("accel", "gyro"))
+    return ImuErrors(accel, gyro, rates[0], **options)
+
+
+def recorded_errors(path: str | os.PathLike[str], **options: Any) -> RecordedErrors:
+    """Errors of a static recording in a file, see `gmwm_jax.read_recording`, whose options these are.
+
+    Raises
+    ------
+    ValueError
+        As of `gmwm_jax.read_recording`; not three accelerometers and three gyros; no rate.
+    """
+    recording = read_recording(path, **options)
+    accel, gyro = (
+        np.stack([recording.column(channel) for channel in _axes({c: c for c in recording.channels}, sensor, path)], 1)
+        for sensor in ("accel", "gyro")
+    )
+    return RecordedErrors(accel, gyro, sampling_rate(recording.rate))
+
+
+convert_unit = units.convert
+"""``convert_unit(2, "deg/h", "rad/s")``."""
+
+
+def _term(process: Mapping[str, Any]) -> str:
+    """One process of a file of fits, as text of a model, with all digits."""
+    values = ", ".join(f"{name}={float(value)!r}" for name, value in process.items() if name != "kind")
+    return f"{process['kind']}({values})"
+
+
+def _axes(by_channel: Mapping[str, Any], sensor: str, source: Any) -> list[Any]:
+    """What belongs to the axes of a sensor; one channel serves all three."""
+    found = [value for channel, value in by_channel.items() if channel.startswith(sensor)]
+    named = [by_channel.get(f"{sensor}_{axis}") for axis in "xyz"]
+    if len(found) == 3 and None not in named:
+        return named
+    if len(found) != 1:
+        raise ValueError(
+            f"{source}: channels {sensor}_x, {sensor}_y and {sensor}_z are wanted, or one for all axes; there are "
+            f"{', '.join(by_channel)}."
+        )
+    return found * 3
+
+
+def _per_axis(sensor: str, given: Any) -> list[Any]:
+    fits = getattr(given, "fits", None)
+    if fits is not None:
+        given = fits
+    elif isinstance(given, Mapping):
+        unknown = sorted(set(given) - set("xyz"))
+        if unknown or len(given) != 3:
+            raise ValueError(f"{sensor}: a mapping has the keys x, y, z, and this one {', '.join(map(str, given))}.")
+        return [given[axis] for axis in "xyz"]
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        if len(given) != 3:
+            raise ValueError(
+                f"{sensor}: one model for all axes or three of them are wanted, and these are {len(given)}."
+            )
+        return list(given)
+    return [given] * 3
+
+
+def _three(name: str, value: Any) -> Float[Array, "3"]:
+    positive(name, value, zero_ok=True)
+    value = as_float(value)
+    if value.shape not in ((), (3,)):
+        raise ValueError(f"{name} is one number or three, and has the shape {value.shape}.")
+    return jnp.broadcast_to(value, (3,))
+
+
+def _at_rate(model: Composite, old: float, new: float) -> Composite:
+    processes = []
+    for p in model.processes:
+        continuous = units.to_continuous(p.kind, p.values, old)
+        if any((seen := concrete(c)) is not None and not np.isfinite(seen) for c in continuous):
+            raise ValueError(f"{p!r} has no continuous-time form, and so none at another rate.")
+        build: Any = type(p)
+        processes.append(build(*units.from_continuous(p.kind, continuous, new)))
+    return Composite(processes)

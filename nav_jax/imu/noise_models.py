@@ -1,0 +1,146 @@
+"""Noise models of one axis as nav_jax takes them from gmwm_jax: checked, drawn, in state-space form."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Key
+
+from gmwm_jax import GM, RW, WN, Composite, StateSpace, parse_model, simulate
+from gmwm_jax._internal.nav_checks import as_float, concrete, positive
+
+NoiseModel = Composite
+"""The noise of one axis of a sensor; no other file needs to know whose class it is."""
+
+
+def as_model(model: Any, what: str) -> Composite:
+    """Return a complete composite from a process, sum, text or fit, without its components of amplitude zero.
+
+    Of a fit its reduced form: a Gauss-Markov process at its limit is a random walk or white noise, whose stationary
+    variance means nothing.
+
+    Raises
+    ------
+    ValueError
+        It is none of these, or has a parameter without value.
+    """
+    model = getattr(model, "reduced", model)
+    if isinstance(model, str):
+        model = parse_model(model)
+    elif not isinstance(model, Composite):
+        try:
+            model = Composite((model,))
+        except TypeError as error:
+            raise ValueError(
+                f"{what}: a noise model is wanted (of gmwm_jax, or a fit), and this is {model!r}."
+            ) from error
+    for process in model.processes:
+        process.require_complete()
+    # a component that a fit has put to zero is no state: its variance would be singular
+    kept = [p for p in model.processes if (a := concrete(p.amplitude)) is None or a > 0]
+    return Composite(kept or model.processes[:1])
+
+
+def axis_noise(given: Any, what: str) -> NoiseModel:
+    """Return the noise of one axis: white with a standard deviation if it is a number, else a model.
+
+    Raises
+    ------
+    ValueError
+        A standard deviation that is not positive, or no model.
+    """
+    if isinstance(given, int | float | np.ndarray | np.number | Array):
+        positive(f"{what}: a standard deviation", given)
+        return Composite((WN(as_float(given) ** 2),))
+    return as_model(given, what)
+
+
+def markov_form(model: NoiseModel, what: str) -> StateSpace:
+    """The state-space form of all processes of a model together.
+
+    Raises
+    ------
+    ValueError
+        A process has none.
+    """
+    forms = [complete_form(p, what) for p in model.processes]
+    return StateSpace(
+        block_diagonal([f.transition for f in forms]),
+        block_diagonal([f.driving for f in forms]),
+        jnp.concatenate([f.readout for f in forms]),
+        block_diagonal([f.initial for f in forms]),
+        jnp.sum(jnp.stack([f.white for f in forms])),
+    )
+
+
+def markov_model(white: float, processes: Sequence[tuple[float, float]], walks: Sequence[float] = ()) -> NoiseModel:
+    """White noise of a variance, Gauss-Markov processes of inverse correlation times and driving variances, walks."""
+    parts = [GM(beta, driving / -np.expm1(-2 * beta)) for beta, driving in processes]
+    return Composite((WN(white), *parts, *(RW(gamma2) for gamma2 in walks)))
+
+
+def correlation_time(form: StateSpace, longest: float) -> tuple[float, float]:
+    """Variance of what a form adds to a sample, and the samples after which its autocorrelation is below 1/e."""
+    Phi, h, P = (np.asarray(a, dtype=float) for a in (form.transition, form.readout, form.initial))
+    variance, lag, power = h @ P @ h, 1, Phi
+    while lag < longest and h @ power @ P @ h > variance / np.e:
+        lag, power = 2 * lag, power @ power
+    return float(variance), float(lag)
+
+
+def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[Array, "N R"]:
+    """Draw a short record of a model for each key, as of an aiding sensor."""
+    return jax.vmap(lambda key: simulate(model, num_samples, key=key), out_axes=1)(keys)
+
+
+def white_sd(model: NoiseModel) -> Float[Array, ""]:
+    """Standard deviation of a sample of a model: what a filter that takes it as white noise should believe.
+
+    Raises
+    ------
+    ValueError
+        The model has none that lasts (a random walk, a drift).
+    """
+    variance = jnp.zeros(())
+    for process in model.processes:
+        try:
+            variance = variance + process.autocovariance(jnp.zeros(1))[0]
+        except ValueError as error:
+            raise ValueError(
+                f"{process.kind} has no constant variance that a filter could take as white: state the standard "
+                "deviation that the filter believes."
+            ) from error
+    return jnp.sqrt(variance)
+
+
+def complete_form(process: Any, what: str) -> StateSpace:
+    """The state-space form of a process, quantisation noise included: its two states are the last rounding errors.
+
+    Raises
+    ------
+    ValueError
+        It has none.
+    """
+    form = process.state_space()
+    if form is not None:
+        return form
+    if process.kind != "QN":
+        raise ValueError(
+            f"{process.kind} of {what} has no state-space form, and so no covariance that could be propagated: replace "
+            "it, a flicker noise by gmwm_jax.flicker_ladder, or run a Monte Carlo."
+        )
+    # (Y_t, Y_{t-1}), of which the difference is read
+    q2 = process.amplitude
+    return StateSpace(
+        jnp.array([[0.0, 0.0], [1.0, 0.0]]), q2 * jnp.diag(jnp.array([1.0, 0.0])), jnp.array([1.0, -1.0]),
+        q2 * jnp.eye(2), jnp.zeros(()),
+    )  # fmt: skip
+
+
+def block_diagonal(parts: list[Any]) -> Float[Array, "M M"]:
+    """Matrices along the diagonal; of none, a matrix without rows."""
+    # block_diag of nothing has a row
+    return jax.scipy.linalg.block_diag(*parts) if parts else jnp.zeros((0, 0))

@@ -1,0 +1,354 @@
+"""Covariance analysis of filters: what a Monte Carlo estimates, exact to first order and at once."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+from jaxtyping import Float64
+
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.experiment import Setup, check_rates
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.layout import BLOCKS, GROUPS, UNITS, block_columns
+from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.lincov.covariance import Lincov, linear_covariance, motion_of
+from nav_jax.statistics.distributions import chi2_quantile, weighted_chi2_cdf
+from nav_jax.statistics.epochs import Judged
+from nav_jax.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STATES = {
+    "position": (0, 1, 2), "velocity": (3, 4, 5), "attitude": (6, 7, 8), "pose": (0, 1, 2, 6, 7, 8),
+    "navigation": tuple(range(9)), "sensors": tuple(range(9, 15)),
+}  # fmt: skip
+"""Group -> columns of the covariances, see `nav_jax.filter.layout.GROUPS`."""
+
+_SINGULAR = 1e-13
+"""Smallest eigenvalue of a matrix of correlations that is more than rounding."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Covariances(Judged):
+    """True and claimed covariance of one filter along a reference.
+
+    Attributes
+    ----------
+    name
+        Of the filter.
+    time
+        Epochs in s, shape (E,).
+    true, claimed
+        Second moments of the errors, and what the filter says of them: position (m), velocity (m/s), attitude (rad) and
+        the errors of the estimated sensor errors (m/s^2, rad/s), shape (E, 15, 15). The blocks between navigation and
+        sensors are not kept and NaN.
+    channels
+        Columns of the sensors on which the filter has a state.
+    fixes
+        Sensor -> times of its fixes.
+    innovation, innovation_claimed
+        Sensor -> variance of its innovations, each component given those before it, and what the filter says of it.
+    outages
+        Sensor -> (start, end) of each, in s.
+    notes
+        Sentences that a reader of the numbers must know.
+    """
+
+    name: str
+    time: Float64[np.ndarray, " E"]
+    true: Float64[np.ndarray, "E 15 15"]
+    claimed: Float64[np.ndarray, "E 15 15"]
+    channels: tuple[int, ...]
+    fixes: Mapping[str, Float64[np.ndarray, " _"]] = field(default_factory=dict)
+    innovation: Mapping[str, Float64[np.ndarray, "_ _"]] = field(default_factory=dict)
+    innovation_claimed: Mapping[str, Float64[np.ndarray, "_ _"]] = field(default_factory=dict)
+    outages: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def sd(self) -> Float64[np.ndarray, "E 15"]:
+        """Root of the true mean square of each component."""
+        return np.sqrt(np.diagonal(self.true, axis1=1, axis2=2))
+
+    @cached_property
+    def sd_claimed(self) -> Float64[np.ndarray, "E 15"]:
+        """Standard deviations that the filter states."""
+        return np.sqrt(np.diagonal(self.claimed, axis1=1, axis2=2))
+
+    def rms(self, block: str) -> Float64[np.ndarray, " E"]:
+        """True RMS of the norm of a block: position, velocity, attitude, accel, gyro."""
+        return np.linalg.norm(self.sd[:, block_columns(block)], axis=1)
+
+    def rms_claimed(self, block: str) -> Float64[np.ndarray, " E"]:
+        """What the filter says of it."""
+        return np.linalg.norm(self.sd_claimed[:, block_columns(block)], axis=1)
+
+    def dof(self, group: str) -> int:
+        """Number of states of a group: the expectation of its NEES where the filter is consistent."""
+        return len(self._columns(group))
+
+    def nees(self, group: str) -> Float64[np.ndarray, " E"]:
+        """Expected NEES, tr(P^-1 P_true); NaN where P is singular."""
+        return self._weights(group).sum(axis=1)
+
+    def coverage(self, group: str, level: float = 0.95) -> Float64[np.ndarray, " E"]:
+        """Probability that the error lies in the region that the filter gives for `level`; NaN where P is singular.
+
+        The NEES of a Gaussian error is a weighted sum of chi-square variables.
+        """
+        weights = self._weights(group)
+        known = np.isfinite(weights).all(axis=1)
+        out = np.full(len(self.time), np.nan)
+        if known.any():
+            out[known] = weighted_chi2_cdf(weights[known], float(chi2_quantile(level, weights.shape[1])))
+        return out
+
+    def nis_ratio(self, sensor: str) -> Float64[np.ndarray, " F"]:
+        """Expected NIS of a sensor over its number of components."""
+        return (self.innovation[sensor] / self.innovation_claimed[sensor]).mean(axis=1)
+
+    def _columns(self, group: str) -> list[int]:
+        if group not in STATES:
+            raise ValueError(f"{group!r} is none of the groups {', '.join(GROUPS)}.")
+        return [c for c in STATES[group] if c < 9 or c - 9 in self.channels]
+
+    def _weights(self, group: str) -> Float64[np.ndarray, "E k"]:
+        """Eigenvalues of P^-1 P_true."""
+        at = np.ix_(range(len(self.time)), self._columns(group), self._columns(group))
+        P, S = self.claimed[at], self.true[at]
+        sd = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+        out = np.full(sd.shape, np.nan)
+        if not sd.shape[1]:
+            return out
+        known = np.asarray((sd > 0).all(axis=1))
+        scale = sd[known][:, :, None] * sd[known][:, None, :]
+        roots, vectors = np.linalg.eigh(P[known] / scale)
+        regular = roots[:, 0] > _SINGULAR
+        known[known] = regular
+        white = vectors[regular] / np.sqrt(roots[regular])[:, None, :]
+        S = np.swapaxes(white, 1, 2) @ (S[known] / scale[regular]) @ white
+        out[known] = np.maximum(np.linalg.eigvalsh(S), 0.0)
+        return out
+
+    def __repr__(self) -> str:
+        """True RMS errors beside what the filter says of them, at the judged epoch."""
+        k = self.epoch()
+        rows = []
+        for block in BLOCKS:
+            true, said = self.rms(block)[k], self.rms_claimed(block)[k]
+            if block in ("accel", "gyro") and not said:
+                continue
+            nees = self.nees(block)[k] / self.dof(block) if block in GROUPS else np.nan
+            rows.append([block, UNITS[block], number(true, 4), number(said, 4), number(float(nees), 3)])
+        notes = "".join(f"\nnote: {n}" for n in self.notes)
+        head = ["", "unit", "true rms", "claimed rms", "NEES / dof"]
+        return f"{self.name}: linear covariances at {self.time[k]:g} s\n{format_table(head, rows, left=2)}{notes}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """See `nav_jax.plotting.lincov.plot_analysis`."""
+        from nav_jax.plotting.lincov import plot_analysis
+
+        return plot_analysis({self.name: self}, **options)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Analysis(Mapping[str, Covariances]):
+    """Several filters along one reference: a mapping from their names."""
+
+    filters: Mapping[str, Covariances]
+    reference: str
+    truth: str
+
+    def __getitem__(self, name: str) -> Covariances:
+        if name not in self.filters:
+            raise KeyError(f"No filter {name!r}; there are {', '.join(self.filters)}.")
+        return self.filters[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.filters)
+
+    def __len__(self) -> int:
+        return len(self.filters)
+
+    def __repr__(self) -> str:
+        """The filters from the smallest true position error on, at the judged epoch."""
+        first = next(iter(self.filters.values()))
+        k = first.epoch()
+        head = ["filter", "position [m]", "claimed [m]", "attitude [deg]", "claimed [deg]", "NEES / 3", "cover. 95 %"]
+        rows = []
+        for c in sorted(self.filters.values(), key=lambda c: c.rms("position")[k]):
+            degrees = np.rad2deg([c.rms("attitude")[k], c.rms_claimed("attitude")[k]])
+            values = [c.rms("position")[k], c.rms_claimed("position")[k], *degrees, c.nees("position")[k] / 3]
+            rows.append([c.name, *(number(float(v), 4) for v in values), number(float(c.coverage("position")[k]), 3)])
+        lines = [f"Linear covariances along {self.reference or 'a trajectory'} at {first.time[k]:g} s, RMS errors"]
+        notes: dict[str, list[str]] = {}
+        for c in self.filters.values():
+            for note in c.notes:
+                notes.setdefault(note, []).append(c.name)
+        lines += [f"truth: {self.truth}", "", format_table(head, rows)]
+        return "\n".join([*lines, *(f"note on {', '.join(of)}: {note}" for note, of in notes.items())])
+
+    def plot(self, **options: Any) -> "Figure":
+        """See `nav_jax.plotting.lincov.plot_analysis`."""
+        from nav_jax.plotting.lincov import plot_analysis
+
+        return plot_analysis(self.filters, **options)
+
+
+def analyse(
+    reference: Trajectory,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
+    *,
+    aiding: Sequence[AbstractAiding],
+    initial: InitialUncertainty | None = None,
+    believed_initial: InitialUncertainty | None = None,
+    every: int = 1,
+    output_interval: Real = 1.0,
+    earth: FlatEarth | None = None,
+) -> Analysis:
+    """True and claimed covariance of filters that believe other noise models than the truth, without random numbers.
+
+    Exact to first order in the errors, see `nav_jax.lincov.covariance`; for what is beyond that `compare` runs a Monte Carlo.
+
+    Parameters
+    ----------
+    reference
+        The trajectory; resampled to the rate of the errors.
+    truth
+        Errors of the IMU.
+    filters
+        Name -> what that filter believes, or one of them; the truth if not given.
+    aiding
+        `GnssPosition`, `GnssVelocity`, `Barometer`, with their true noise and what the filters believe of it.
+    initial
+        Uncertainty of the start; none if not given.
+    believed_initial
+        What the filters believe of it; the same if not given.
+    every
+        Number of IMU samples in a covariance step.
+    output_interval
+        s between the epochs of the result.
+    earth
+        ``FlatEarth(gravity)``.
+
+    Raises
+    ------
+    ValueError
+        A truth that is a recording or has a process without state-space form; rates that differ; as in `compare`.
+    """
+    truth = model_of(truth)
+    if filters is None or isinstance(filters, ImuErrors):
+        filters = {"filter": truth if filters is None else filters}
+    setup = make_setup(
+        reference, truth, filters, aiding, initial, every=every, output_interval=output_interval, earth=earth
+    )
+    motion = motion_of(setup.experiment)
+    found = {
+        name: covariances_of(
+            setup,
+            linear_covariance(setup.experiment, truth, f, believed_initial=believed_initial, motion=motion),
+            f,
+            name,
+            _unexcited(truth, f),
+        )
+        for name, f in filters.items()
+    }
+    return Analysis(found, setup.reference.name, repr(truth))
+
+
+def model_of(truth: ImuErrors | RecordedErrors) -> ImuErrors:
+    """What covariances can be computed from.
+
+    Raises
+    ------
+    ValueError
+        A recording.
+    """
+    if not isinstance(truth, ImuErrors):
+        raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
+    return truth
+
+
+def make_setup(
+    reference: Trajectory,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors],
+    aiding: Sequence[AbstractAiding],
+    initial: InitialUncertainty | None,
+    *,
+    every: int,
+    output_interval: Real,
+    earth: FlatEarth | None,
+) -> Setup:
+    """What all covariance analyses start from; parameters as of `analyse`.
+
+    Raises
+    ------
+    ValueError
+        A truth that is a recording; no filter; as in `compare`.
+    """
+    truth = model_of(truth)
+    if not filters:
+        raise ValueError("Give at least one filter: {name: ImuErrors}.")
+    return Setup(
+        reference,
+        aiding,
+        rate=check_rates(truth, dict(filters)),
+        initial=InitialUncertainty() if initial is None else initial,
+        earth=FlatEarth() if earth is None else earth,
+        every=every,
+        output_interval=output_interval,
+    )
+
+
+def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:
+    """Notes if a filter estimates what the truth does not have."""
+    ours, theirs = (Counter(s.channel for s in e.bank().states) for e in (believed, truth))
+    none = [CHANNELS[c] for c in sorted(ours) if not theirs[c]]
+    more = [CHANNELS[c] for c in sorted(ours) if ours[c] > theirs[c] > 0]
+    return (
+        *(f"The filter estimates errors of {', '.join(none)}, which truly are white or none.",) * bool(none),
+        *(f"The filter has more states for {', '.join(more)} than the truth, which cannot excite all.",) * bool(more),
+    )
+
+
+_NOT_VALID = ("A variance is negative or not finite: these numbers mean nothing.",)
+
+
+def covariances_of(
+    setup: Setup, result: Lincov, believed: ImuErrors, name: str, notes: tuple[str, ...] = ()
+) -> Covariances:
+    """The result of `linear_covariance` at the epochs of a setup."""
+    arrays = jax.tree.map(np.asarray, result)
+    at = setup.output_segments
+    both = []
+    for claim in (arrays.true, arrays.claimed):
+        P = np.full((len(at), 15, 15), np.nan)
+        P[:, :9, :9], P[:, 9:, 9:] = claim.navigation[at], claim.sensors[at]
+        both.append(P)
+    edges = np.cumsum([0, *(len(s.axes) for s in setup.aiding)])
+    names = [s.name for s in setup.aiding]
+    parts = list(zip(names, setup.fix_segments, edges[:-1], edges[1:], strict=True))
+    return Covariances(
+        name=name,
+        time=setup.output_times,
+        true=both[0],
+        claimed=both[1],
+        channels=tuple(sorted({s.channel for s in believed.bank().states})),
+        fixes=setup.fixes,
+        innovation={n: arrays.innovation[s, a:b] for n, s, a, b in parts},
+        innovation_claimed={n: arrays.innovation_claimed[s, a:b] for n, s, a, b in parts},
+        outages=setup.outages,
+        notes=(*believed.notes(), *notes, *_NOT_VALID * (not arrays.valid.all())),
+    )

@@ -1,0 +1,209 @@
+"""The error budget: which source of noise makes which part of a filter's error, over time.
+
+With the gains of the filter the error is linear in all that is random, and the sources are independent: their second
+moments add up to that of the error, exactly. All sources go through one compiled and vectorised program.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Float64
+
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.experiment import Experiment
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.parameters import shared_channels
+from nav_jax.imu.bank import alone
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.lincov.analysis import make_setup
+from nav_jax.lincov.covariance import Noise, covariances_of_many, motion_of, noise_of
+from nav_jax.lincov.derivatives import QUANTITIES, STARTS
+from nav_jax.statistics.epochs import Judged
+from nav_jax.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Budget(Judged):
+    """Mean squares of a filter's errors, by source.
+
+    Attributes
+    ----------
+    time
+        Epochs in s, shape (E,).
+    sources
+        Names of S sources.
+    part
+        Mean square of each component of position, velocity and attitude that each source makes, SI, shape (S, E, 9);
+        the sum over the sources is the whole.
+    outages, fixes
+        Of each sensor, s.
+    """
+
+    time: Float64[np.ndarray, " E"]
+    sources: tuple[str, ...]
+    part: Float64[np.ndarray, "S E 9"]
+    outages: dict[str, tuple[tuple[float, float], ...]]
+    fixes: dict[str, Float64[np.ndarray, " _"]]
+
+    def mean_square(self, quantity: str) -> Float64[np.ndarray, "S E"]:
+        """Of one of `nav_jax.lincov.derivatives.QUANTITIES`, by source, SI."""
+        return self.part[:, :, list(QUANTITIES[quantity][0])].sum(axis=2)
+
+    def share(self, quantity: str) -> Float64[np.ndarray, "S E"]:
+        """Part of the mean square that each source makes; NaN where there is no error."""
+        squares = self.mean_square(quantity)
+        total = squares.sum(axis=0)
+        return np.divide(squares, total, out=np.full(squares.shape, np.nan), where=total > 0)
+
+    def table(self, at: float | None = None) -> str:
+        """RMS and shares in per cent at an epoch, the largest source of position error first."""
+        k = self.epoch(at)
+        head = ["source", "position [m]", *(f"{q} [%]" for q in QUANTITIES)]
+        squares = self.mean_square("position")[:, k]
+        shares = {q: 100 * self.share(q)[:, k] for q in QUANTITIES}
+        rows = [
+            [self.sources[s], number(float(np.sqrt(squares[s])), 3), *(_percent(float(v[s])) for v in shares.values())]
+            for s in np.argsort(-squares)
+        ]
+        rms = {q: f * np.sqrt(self.mean_square(q)[:, k].sum()) for q, (_, _, f) in QUANTITIES.items()}
+        texts = [f"{number(float(x), 4)} {QUANTITIES[q][1]}" for q, x in rms.items()]
+        rows.append(["all: RMS", number(float(rms["position"]), 3), *texts])
+        return format_table(head, rows)
+
+    def __repr__(self) -> str:
+        return f"Error budget at {self.time[self.epoch()]:g} s: parts of the mean square\n{self.table()}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """See `nav_jax.plotting.lincov.plot_budget`."""
+        from nav_jax.plotting.lincov import plot_budget
+
+        return plot_budget(self, **options)
+
+
+class _Weights(eqx.Module):
+    """1 for what belongs to a source."""
+
+    start: Float[Array, "9"]
+    states: Float[Array, " M"]
+    white: Float[Array, "6"]
+    aiding: Float[Array, " K"]
+
+
+def error_budget(
+    reference: Trajectory,
+    truth: ImuErrors,
+    believed: ImuErrors | None = None,
+    *,
+    aiding: Sequence[AbstractAiding],
+    initial: InitialUncertainty | None = None,
+    every: int = 10,
+    output_interval: Real = 1.0,
+    earth: FlatEarth | None = None,
+) -> Budget:
+    """Split the mean square error of a filter into what each source of noise makes of it.
+
+    Sources are the processes of accelerometers and gyros (of three axes together where they have one model), turn-on
+    biases, the uncertainty of the start, and each aiding sensor.
+
+    Parameters
+    ----------
+    reference, aiding, initial, every, output_interval, earth
+        See `nav_jax.analyse`; the filter knows of its start what is true.
+    truth, believed
+        Errors of the IMU, and what the filter believes of them; the truth if not given.
+
+    Raises
+    ------
+    ValueError
+        As of `nav_jax.analyse`; nothing is random.
+    """
+    believed = truth if believed is None else believed
+    times: Any = {"every": every, "output_interval": output_interval}
+    filters = {"filter": believed}
+    setup = make_setup(reference, truth, filters, aiding, initial, earth=earth, **times)
+    experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
+    noise, ours, motion = noise_of(experiment, truth), believed.bank(), motion_of(experiment)
+    sources = _sources(experiment, truth, noise)
+    if not sources:
+        raise ValueError("There is no source of error: no sensor noise, no uncertainty of the start, no aiding.")
+    weights = jax.tree.map(lambda *a: jnp.stack(a), *sources.values())
+
+    @jax.jit
+    def parts(weights: _Weights) -> Array:
+        noises = jax.vmap(lambda w: _only(noise, w))(weights)
+        N = covariances_of_many(experiment, motion, noises, alone(ours), experiment.initial).true.navigation[:, at]
+        return jnp.diagonal(N, axis1=2, axis2=3)
+
+    return Budget(
+        setup.output_times,
+        tuple(sources),
+        np.asarray(parts(weights)),
+        setup.outages,
+        setup.fixes,
+    )
+
+
+def _only(noise: Noise, w: _Weights) -> Noise:
+    """What of the noise belongs to a source."""
+    forms = tuple(
+        f._replace(driving=x * f.driving, initial=x * f.initial, white=x * f.white)
+        for f, x in zip(noise.aiding.forms, w.aiding, strict=True)
+    )
+    # weights are 0 and 1, and states of two sources independent
+    imu = eqx.tree_at(
+        lambda b: (b.driving, b.initial, b.white),
+        noise.imu,
+        (w.states[:, None] * noise.imu.driving, w.states[:, None] * noise.imu.initial, w.white * noise.imu.white),
+    )
+    aiding = eqx.tree_at(lambda a: a.forms, noise.aiding, forms)
+    return Noise(w.start[:, None] * noise.start * w.start[None, :], imu, aiding)
+
+
+def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str, _Weights]:
+    """Name -> what belongs to it, without what is zero."""
+    M, K = len(noise.imu.states), len(noise.aiding.forms)
+    known, white = np.diag(np.asarray(noise.start)), np.asarray(noise.imu.white)
+    found: dict[str, _Weights] = {}
+
+    def add(name: str, start: Any = (), states: Any = (), channels: Any = (), aiding: Any = ()) -> None:
+        w = [np.zeros(n) for n in (9, M, 6, K)]
+        for array, at in zip(w, (start, states, channels, aiding), strict=True):
+            array[list(at)] = 1.0
+        found[name] = _Weights(*map(jnp.asarray, w))
+
+    for group in shared_channels(truth):
+        if white[list(group.channels)].any():
+            add(f"{group.name} white", channels=group.channels)
+        mine = [(i, s.label.split(" ")[0]) for i, s in enumerate(noise.imu.states) if s.channel in group.channels]
+        for label in dict.fromkeys(label for _, label in mine):
+            add(f"{group.name} {label}", states=[i for i, of in mine if of == label])
+    across = np.array(noise.start)
+    for part in STARTS.values():
+        across[part, part] = 0.0
+    if across.any():  # position, velocity and attitude are not independent
+        add("start", start=range(9))
+    else:
+        for name, part in STARTS.items():
+            if known[part].any():
+                add(f"start {name}", start=range(9)[part])
+    first = 0
+    for sensor in experiment.sensors:
+        add(sensor.name, aiding=range(first, first + len(sensor.axes)))
+        first += len(sensor.axes)
+    return found
+
+
+def _percent(x: float) -> str:
+    return "-" if np.isnan(x) else f"{x:.1f}"

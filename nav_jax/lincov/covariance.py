@@ -1,0 +1,338 @@
+r"""Linear covariance analysis: what a filter's errors are, and what it says of them, without one random number.
+
+A filter that believes another model than the truth has two covariances: the one that it computes, and that of its
+errors. To first order in the errors both follow from its gains along the reference. With the navigation error e, the
+filter's sensor states xh and the true ones x (of another number and kind), the vector (e, xh, x) is Markov:
+
+- the error of a sensor after compensation is h' x + v - hh' xh, so (xh, x) acts like one bank of states with the
+  readout (hh, -h): its transition over a step is `error_model.propagate`; the noise of the truth drives x and not xh;
+- an update adds K (v - H e) to (e, xh) and leaves x.
+
+Its second moment is propagated with the noise of the truth and the gains K of the filter (Gelb 1974, ch. 7; Maybeck
+1979, sec. 6.8). States of an aiding sensor's own noise come last, and move from fix to fix. All is differentiable in
+every parameter of the truth, the filter, the aiding noise and the initial covariance; reverse mode keeps one carry a
+segment and goes through the segments twice.
+"""
+
+from functools import reduce
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.scipy.linalg import block_diag
+from jaxtyping import Bool, Float, Int
+
+from nav_jax.filter.ekf import mechanise_with_motion, update
+from nav_jax.filter.error_model import Covariance, Motion, blocks, full, propagate
+from nav_jax.filter.experiment import Experiment, start_covariance
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.loop import stacked, time_loop
+from nav_jax.filter.score import Claim, claim
+from nav_jax.imu.bank import SensorBank, alone, step_noises
+from nav_jax.imu.channels import SensorState
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.noise_models import markov_form
+from nav_jax.kinematics.linalg import symmetrise, transpose
+
+NO_CHANNEL = -1
+"""Channel of a state that no IMU channel reads."""
+
+
+class Lincov(NamedTuple):
+    """Covariances at the end of each of the M segments of an experiment, after the update there."""
+
+    true: Claim
+    """Second moments of the errors: navigation (M, 9, 9), channels (M, 6, 6)."""
+    claimed: Claim
+    """What the filter says of them."""
+    innovation: Float[Array, "M K"]
+    """True variance of the innovations, each given those before; 0 where there is no fix."""
+    innovation_claimed: Float[Array, "M K"]
+    """What the filter says of it."""
+    valid: Bool[Array, " M"]
+    """Whether no variance was negative or not finite by then, of what was given and of what came out."""
+
+
+@eqx.filter_jit
+def motion_of(experiment: Experiment) -> Motion:
+    """The motion over each covariance step of the reference, arrays (M, G, ...): all that the covariances ask of it."""
+    timeline = experiment.timeline
+    none = _no_states()
+
+    def step(state, given):
+        kind, imu = given
+        dt, ends = timeline.dt[kind], timeline.ends[kind]
+        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.g_n)
+
+    def segment(state, given):
+        return jax.lax.scan(step, state, given)
+
+    return jax.lax.scan(segment, experiment.start, (timeline.pattern, timeline.imu))[1]
+
+
+class AidingNoise(eqx.Module):
+    """True noise of the aiding sensors, scalar by scalar: its states, and how they move from fix to fix.
+
+    They move at every fix, used or not: after one that is used by as many as there are to the next that is.
+    """
+
+    forms: tuple[Any, ...]
+    """State-space form of each scalar."""
+    elapsed: Int[Array, "M K"]
+    """Fixes to the next that is used."""
+    first: Int[Array, " K"]
+    """Fixes before the first that is used."""
+    num_fixes: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return sum(len(f.readout) for f in self.forms)
+
+    @property
+    def readout(self) -> Float[Array, "K S"]:
+        """What the states add to each scalar."""
+        return block_diag(jnp.zeros((0, 0)), *(f.readout[None] for f in self.forms))
+
+    @property
+    def white(self) -> Float[Array, " K"]:
+        """Variance of the part without memory."""
+        return jnp.stack([f.white for f in self.forms]) if self.forms else jnp.zeros(0)
+
+    @property
+    def initial(self) -> Float[Array, "S S"]:
+        """Covariance of the states at the first fix."""
+        return block_diag(jnp.zeros((0, 0)), *(f.initial for f in self.forms))
+
+    def advance(self, J: Float[Array, "n n"], elapsed: Int[Array, " K"]) -> Float[Array, "n n"]:
+        """Joint covariance, these states last, after as many fixes of each scalar's sensor."""
+        if not self.size:
+            return J
+        many = [_power(f, elapsed[i], num) for i, (f, num) in enumerate(zip(self.forms, self.num_fixes, strict=True))]
+        rest = J.shape[0] - self.size
+        A = block_diag(jnp.eye(rest), *(a for a, _ in many))
+        return A @ J @ A.T + block_diag(jnp.zeros((rest, rest)), *(q for _, q in many))
+
+
+class Noise(eqx.Module):
+    """All that is random in truth."""
+
+    start: Float[Array, "9 9"]
+    """Covariance of the navigation error at the start."""
+    imu: SensorBank
+    aiding: AidingNoise
+
+
+def noise_of(experiment: Experiment, truth: ImuErrors) -> Noise:
+    """What is random in an experiment whose IMU has these errors.
+
+    Raises
+    ------
+    ValueError
+        A process has no state-space form (BI, FLK, FGN).
+    """
+    forms, elapsed, first, nums = [], [], [], []
+    num_segments = experiment.timeline.valid.shape[0]
+    zero = jnp.zeros(num_segments, dtype=int)
+    for sensor, (fix, segment), num in zip(experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True):
+        to_next = zero.at[segment].set(jnp.diff(fix, append=fix[-1:]))
+        for axis, model in zip(sensor.axes, sensor.noise, strict=True):
+            forms.append(markov_form(model, f"{sensor.name} {axis}"))
+            elapsed.append(to_next)
+            first.append(fix[0])
+            nums.append(num)
+    aiding = AidingNoise(
+        tuple(forms),
+        jnp.stack(elapsed, axis=1) if forms else zero[:, None][:, :0],
+        jnp.stack(first) if forms else zero[:0],
+        tuple(nums),
+    )
+    return Noise(experiment.initial.covariance, truth.bank(complete=True), aiding)
+
+
+@eqx.filter_jit
+def linear_covariance(
+    experiment: Experiment,
+    truth: ImuErrors,
+    believed: ImuErrors,
+    *,
+    believed_initial: InitialUncertainty | None = None,
+    motion: Motion | None = None,
+) -> Lincov:
+    """True and claimed covariance of a filter along the reference, or of many filters at once.
+
+    Parameters
+    ----------
+    experiment
+        See `prepare`; its sensors know the true noise and the standard deviations that the filter believes.
+    truth, believed
+        Errors of the IMU as they are, and as the filter believes them. Either may be L of them, as ``jax.vmap(build)(
+        parameters)`` gives them: with a leading axis of L in every array. All results have it then. That is as pure as
+        ``jax.vmap(linear_covariance)``, and twice as fast, since it keeps the L filters as the last axis.
+    believed_initial
+        What the filter believes of its start; the true uncertainty if not given.
+    motion
+        See `motion_of`; computed if not given.
+
+    Raises
+    ------
+    ValueError
+        A true process has no state-space form (BI, FLK, FGN); several truths and another number of filters.
+    """
+    motion = motion_of(experiment) if motion is None else motion
+    initial = experiment.initial if believed_initial is None else believed_initial
+    several = [e.bias_sd.ndim == 2 for e in (truth, believed)]
+    noises = jax.vmap(lambda t: noise_of(experiment, t))(truth) if several[0] else alone(noise_of(experiment, truth))
+    ours = jax.vmap(lambda f: f.bank())(believed) if several[1] else alone(believed.bank())
+    found = covariances_of_many(experiment, motion, noises, ours, initial)
+    return found if any(several) else jax.tree.map(lambda a: a[0], found)
+
+
+def covariances_along(
+    experiment: Experiment, motion: Motion, noise: Noise, ours: SensorBank, initial: InitialUncertainty
+) -> Lincov:
+    """As `linear_covariance`, from what it is made of: a filter with the states `ours` that believes this start."""
+    return jax.tree.map(lambda a: a[0], covariances_of_many(experiment, motion, alone(noise), alone(ours), initial))
+
+
+def covariances_of_many(
+    experiment: Experiment, motion: Motion, noises: Noise, ours: SensorBank, initial: InitialUncertainty
+) -> Lincov:
+    """As `covariances_along`, for many truths, many filters or both: arrays with a leading axis of L, or of 1.
+
+    Raises
+    ------
+    ValueError
+        Several truths, and another number of filters.
+    """
+    timeline = experiment.timeline
+    true_lanes, our_lanes = len(noises.start), len(ours.white)
+    if 1 != true_lanes != our_lanes != 1:
+        raise ValueError(f"{true_lanes} truths and {our_lanes} filters: as many of both are wanted, or one of either.")
+    lanes = max(true_lanes, our_lanes)
+    noises = _repeated(noises, lanes)
+    joint = jax.vmap(_joint)(_repeated(ours, lanes), noises)
+    aiding, elapsed = noises.aiding, noises.aiding.elapsed[0]  # all lanes have the same fixes
+    H, variance = stacked(experiment.sensors)
+    readout, white = jax.vmap(lambda a: (a.readout, a.white), out_axes=-1)(aiding)
+    kinds = [step_noises(banks, timeline.dt, timeline.ends) for banks in (ours, joint)]
+    # as in a Monte Carlo, rounding errors are no part of what the states stand for
+    lasting = eqx.tree_at(lambda b: b.readout, joint, joint.readout * _is_lasting(joint))
+    sound = _positive(joint.white.T, white, variance[:, None], *(_diagonals(b) for b in (ours, joint)))
+
+    def move(J, elapsed):
+        return jax.vmap(lambda a, J: a.advance(J, elapsed), in_axes=(0, -1), out_axes=-1)(aiding, J)
+
+    def step(carry, given):
+        kind, motion = given
+        now = jax.tree.map(lambda a: a[kind], kinds)
+        return tuple(propagate(P, motion, noise) for P, noise in zip(carry, now, strict=True)), None
+
+    def event(carry, given):
+        P, J = carry
+        valid, elapsed = given
+        whole, done = update(full(P), H, variance, valid)
+        both, innovation = _update_joint(full(J), H, readout, white, done.gain)
+        P, J = blocks(whole), blocks(move(both, elapsed))
+        valid = valid[:, None]
+        positive = sound & _positive(done.variance, innovation, _diagonal(whole), jnp.abs(_diagonal(both)))
+        out = Lincov(claim(J, lasting), claim(P, ours), valid * innovation, valid * done.variance, positive)
+        return (P, J), out
+
+    P = jax.vmap(lambda bank: start_covariance(initial, bank), out_axes=-1)(ours)
+    J = jax.vmap(lambda n, bank: n.aiding.advance(block_diag(n.start, bank.initial), n.aiding.first), out_axes=-1)(
+        noises, joint
+    )
+    carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed)
+    found = time_loop(step, event, carry, (timeline.pattern, motion), events)[1][1]
+    return jax.tree.map(lambda a: jnp.moveaxis(jnp.broadcast_to(a, (*a.shape[:-1], lanes)), -1, 0), found)
+
+
+def _is_lasting(bank: SensorBank) -> Float[np.ndarray, "1 M"]:
+    """0 for states of quantisation noise."""
+    return np.array([[float(not s.label.startswith("QN")) for s in bank.states]])
+
+
+def _diagonals(banks: SensorBank) -> Float[Array, "_ L"]:
+    """Variances of the driving noise and of the start."""
+    return jnp.concatenate([_diagonal(jnp.moveaxis(a, 0, -1)) for a in (banks.driving, banks.initial)])
+
+
+def _diagonal(P: Float[Array, "n n L"]) -> Float[Array, "n L"]:
+    return jnp.diagonal(P).T
+
+
+def _positive(*variances: Float[Array, "_ #L"]) -> Bool[Array, " _"]:
+    """Is none negative or not finite?"""
+    return reduce(jnp.logical_and, (jnp.all((v >= 0) & jnp.isfinite(v), axis=0) for v in variances))
+
+
+def _repeated(lanes: Any, num: int) -> Any:
+    """Arrays with a leading axis of `num` where it is that or 1."""
+    return jax.tree.map(lambda a: jnp.broadcast_to(a, (num, *a.shape[1:])), lanes)
+
+
+def _power(form: Any, count: Int[Array, ""], largest: int) -> tuple[Array, Array]:
+    """Transition and noise of `count` steps, by doubling."""
+    A, Q = form.transition, form.driving
+    total_A, total_Q = jnp.eye(A.shape[0]), jnp.zeros_like(Q)
+    for bit in range(max(largest, 1).bit_length()):
+        take = (count >> bit) & 1
+        total_Q = jnp.where(take, A @ total_Q @ A.T + Q, total_Q)
+        total_A = jnp.where(take, A @ total_A, total_A)
+        A, Q = A @ A, A @ Q @ A.T + Q
+    return total_A, total_Q
+
+
+def _update_joint(
+    J: Float[Array, "n n L"],
+    H: Float[Array, "K 9"],
+    readout: Float[Array, "K S L"],
+    white: Float[Array, "K L"],
+    gain: Float[Array, "K m Q"],
+) -> tuple[Float[Array, "n n L"], Float[Array, "K L"]]:
+    """Second moment after the filter has taken K scalars with its gains, and the variances of the innovations.
+
+    An innovation given those before is h (e, xh, x) + v for the errors after those before: what `J` then is of. The
+    first m, (e, xh), are corrected; h is `H` on the first 9 and `readout` on the last S, the states of the aiding.
+    """
+    m, aiding = gain.shape[1], J.shape[0] - readout.shape[1]
+
+    def scalar(carry, inputs):
+        A, B = carry  # the first m rows of J: [A B]
+        h, c, r, K = inputs
+        u = jnp.sum(A[:, :9] * h[None, :, None], axis=1) + jnp.sum(B[:, aiding - m :] * c[None], axis=1)
+        w = jnp.sum(B[:9] * h[:, None, None], axis=0) + jnp.sum(rest[:, aiding - m :] * c[None], axis=1)
+        s = jnp.sum(h[:, None] * u[:9], axis=0) + jnp.sum(c * w[aiding - m :], axis=0) + r
+        # (1 - K h) J (1 - K h)' + K r K'; a gain is 0 where there is no fix
+        Ku = K[:, None] * u[None]
+        A = A - (Ku + transpose(Ku) - K[:, None] * (s[None] * K)[None])
+        return (A, B - K[:, None] * w[None]), s
+
+    rest = J[m:, m:]
+    (A, B), s = jax.lax.scan(scalar, (J[:m, :m], J[:m, m:]), (H, readout, white, gain))
+    return full(Covariance(symmetrise(A), B, rest)), s
+
+
+def _joint(ours: SensorBank, noise: Noise) -> SensorBank:
+    """The filter's states, the true ones, and those of the aiding sensors, which rest between fixes."""
+    truth, aiding = noise.imu, noise.aiding
+    nothing, rest = jnp.zeros_like(ours.transition), jnp.eye(aiding.size)
+    return SensorBank(
+        transition=block_diag(ours.transition, truth.transition, rest),
+        driving=block_diag(nothing, truth.driving, jnp.zeros_like(rest)),
+        readout=jnp.concatenate([ours.readout, -truth.readout, jnp.zeros(aiding.size)]),
+        initial=block_diag(nothing, truth.initial, aiding.initial),
+        white=truth.white,
+        rate=truth.rate,
+        states=(*ours.states, *truth.states, *(SensorState(NO_CHANNEL, "aiding") for _ in range(aiding.size))),
+        diagonal=ours.diagonal and truth.diagonal,
+    )
+
+
+def _no_states() -> SensorBank:
+    none = jnp.zeros((0, 0))
+    return SensorBank(none, none, jnp.zeros(0), none, jnp.zeros(6), jnp.ones(()), states=(), diagonal=True)

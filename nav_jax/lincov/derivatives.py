@@ -1,0 +1,208 @@
+"""Which noise parameter matters: derivatives of the true RMS errors of a filter, over time, by every parameter.
+
+Of the truth, and of what the filter believes, separately. Where the filter believes the truth its gains are optimal:
+the derivatives by what it believes vanish, and only those by the truth remain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Float64
+
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.experiment import Experiment
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.parameters import AidingLines, ErrorLines
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.linalg import root
+from nav_jax.lincov.analysis import make_setup
+from nav_jax.lincov.covariance import Noise, covariances_along, motion_of, noise_of
+from nav_jax.statistics.epochs import Judged
+from nav_jax.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+QUANTITIES = {
+    "position": ((0, 1, 2), "m", 1.0),
+    "horizontal": ((0, 1), "m", 1.0),
+    "vertical": ((2,), "m", 1.0),
+    "velocity": ((3, 4, 5), "m/s", 1.0),
+    "tilt": ((6, 7), "deg", 180 / np.pi),
+    "heading": ((8,), "deg", 180 / np.pi),
+}
+"""RMS errors: columns of the covariance of navigation, the unit they are shown in, and that in SI."""
+
+STARTS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
+"""Parts of the uncertainty of the start."""
+
+
+def rms_of(navigation: Float[Array, "*L E 9 9"]) -> Float[Array, "*L Q E"]:
+    """RMS of each of `QUANTITIES` from covariances."""
+    variance = jnp.diagonal(navigation, axis1=-2, axis2=-1)
+    return jnp.stack([root(variance[..., jnp.array(c)].sum(axis=-1)) for c, _, _ in QUANTITIES.values()], axis=-2)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivities(Judged):
+    """Derivatives of RMS errors by parameters.
+
+    Attributes
+    ----------
+    time
+        Epochs in s, shape (E,).
+    sides, names
+        ``truth`` or ``filter``, and the name, of each of P parameters.
+    rms
+        Quantity -> true RMS, SI, shape (E,).
+    derivative
+        Quantity -> derivative of it by the logarithm of each parameter (by the logit of one between two bounds, such
+        as phi, or a partial autocorrelation), SI, shape (E, P). A parameter that changes by one per cent changes it by
+        a hundredth of that.
+    outages, fixes
+        Of each sensor, s.
+    """
+
+    time: Float64[np.ndarray, " E"]
+    sides: tuple[str, ...]
+    names: tuple[str, ...]
+    rms: dict[str, Float64[np.ndarray, " E"]]
+    derivative: dict[str, Float64[np.ndarray, "E P"]]
+    outages: dict[str, tuple[tuple[float, float], ...]]
+    fixes: dict[str, Float64[np.ndarray, " _"]]
+
+    def elasticity(self, quantity: str) -> Float64[np.ndarray, "E P"]:
+        """Relative change of an RMS by a relative change of each parameter."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.derivative[quantity] / self.rms[quantity][:, None]
+
+    def table(self, at: float | None = None) -> str:
+        """Derivatives at an epoch, the largest by position first."""
+        k = self.epoch(at)
+        order = np.argsort(-np.abs(self.derivative["position"][k]))
+        head = ["parameter", "of", *(f"{q} [{unit}]" for q, (_, unit, _) in QUANTITIES.items())]
+        rows = [["RMS itself", "", *(number(f * self.rms[q][k], 4) for q, (_, _, f) in QUANTITIES.items())]]
+        for p in order:
+            values = [f * self.derivative[q][k, p] for q, (_, _, f) in QUANTITIES.items()]
+            rows.append([self.names[p], self.sides[p], *(number(float(v), 3) for v in values)])
+        return format_table(head, rows, left=2)
+
+    def __repr__(self) -> str:
+        title = f"d RMS / d log parameter at {self.time[self.epoch()]:g} s (logit of phi and of other bounded ones)"
+        return f"{title}\n{self.table()}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """See `nav_jax.plotting.lincov.plot_sensitivities`."""
+        from nav_jax.plotting.lincov import plot_sensitivities
+
+        return plot_sensitivities(self, **options)
+
+
+class _Problem:
+    """Everything that has a derivative, as one vector."""
+
+    def __init__(self, experiment: Experiment, truth: ImuErrors, believed: ImuErrors):
+        self.experiment = experiment
+        self.truth, self.believed, self.aiding = (
+            ErrorLines(truth),
+            ErrorLines(believed),
+            AidingLines(experiment.sensors),
+        )
+        known = np.diag(np.asarray(experiment.initial.covariance))
+        self.starts = [name for name, part in STARTS.items() if known[part].any()]
+        factors = (*self.aiding.names, *(f"start {name} sd" for name in self.starts))
+        self.names = (*self.truth.names, *factors, *self.believed.names, *factors)
+        half = len(self.truth.names) + len(factors)
+        self.sides = ("truth",) * half + ("filter",) * (len(self.names) - half)
+        zero = jnp.zeros(len(factors))
+        self.start = jnp.concatenate([self.truth.start, zero, self.believed.start, zero])
+        sizes = [len(self.truth.names), len(self.aiding.names), len(self.starts)]
+        self.cuts = np.cumsum([*sizes, len(self.believed.names), *sizes[1:]])[:-1]
+
+    def parts(self, vector: Float[Array, " P"]) -> tuple[Experiment, Noise, ImuErrors, InitialUncertainty]:
+        """Arguments of `covariances_along`."""
+        true, true_aiding, true_start, believed, aiding, start = jnp.split(vector, self.cuts)
+        experiment, covariance = self.experiment, self.experiment.initial.covariance
+        noise = noise_of(experiment, self.truth.build(true))
+        noise = eqx.tree_at(
+            lambda n: (n.start, n.aiding),
+            noise,
+            (self._scaled(covariance, true_start), self._louder(noise, true_aiding)),
+        )
+        ours = eqx.tree_at(lambda i: i.covariance, experiment.initial, self._scaled(covariance, start))
+        heard = eqx.tree_at(lambda e: e.sensors, experiment, self.aiding.believe(aiding))
+        return heard, noise, self.believed.build(believed), ours
+
+    def _scaled(self, covariance: Array, x: Array) -> Array:
+        factor = jnp.ones(9)
+        for name, value in zip(self.starts, x, strict=True):
+            factor = factor.at[STARTS[name]].set(jnp.exp(value))
+        return covariance * factor[:, None] * factor[None, :]
+
+    def _louder(self, noise: Noise, x: Array) -> Any:
+        first = np.cumsum([0, *(len(s.axes) for s in self.experiment.sensors)])
+        forms = list(noise.aiding.forms)
+        for value, (i, at) in zip(x, self.aiding.parts, strict=True):
+            for k in (int(first[i]) + k for k in at):
+                f, power = forms[k], jnp.exp(2 * value)
+                forms[k] = f._replace(driving=power * f.driving, initial=power * f.initial, white=power * f.white)
+        return eqx.tree_at(lambda a: a.forms, noise.aiding, tuple(forms))
+
+
+def sensitivities(
+    reference: Trajectory,
+    truth: ImuErrors,
+    believed: ImuErrors | None = None,
+    *,
+    aiding: Sequence[AbstractAiding],
+    initial: InitialUncertainty | None = None,
+    every: int = 10,
+    output_interval: Real = 1.0,
+    earth: FlatEarth | None = None,
+) -> Sensitivities:
+    """Differentiate the true RMS errors of a filter by every parameter of the truth and of the filter.
+
+    Parameters
+    ----------
+    reference, aiding, initial, every, output_interval, earth
+        See `nav_jax.analyse`; the filter knows of its start what is true.
+    truth, believed
+        Errors of the IMU, and what the filter believes of them; the truth if not given.
+
+    Raises
+    ------
+    ValueError
+        As of `nav_jax.analyse`.
+    """
+    believed = truth if believed is None else believed
+    times: Any = {"every": every, "output_interval": output_interval}
+    filters = {"filter": believed}
+    setup = make_setup(reference, truth, filters, aiding, initial, earth=earth, **times)
+    experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
+    motion, problem = motion_of(experiment), _Problem(experiment, truth, believed)
+
+    def errors(vector: Array) -> tuple[Array, Array]:
+        experiment, noise, filter, start = problem.parts(vector)
+        N = covariances_along(experiment, motion, noise, filter.bank(), start).true.navigation[at]
+        rms = rms_of(N)
+        return rms, rms
+
+    derivative, rms = jax.jit(jax.jacfwd(errors, has_aux=True))(problem.start)
+    return Sensitivities(
+        setup.output_times,
+        problem.sides,
+        problem.names,
+        dict(zip(QUANTITIES, np.asarray(rms), strict=True)),
+        dict(zip(QUANTITIES, np.asarray(derivative), strict=True)),
+        setup.outages,
+        setup.fixes,
+    )

@@ -1,0 +1,361 @@
+r"""The smallest filter that navigates well: design of noise models by the navigation error that they make.
+
+A filter with fewer states than the truth has processes should not believe a part of the truth, but what serves best
+along the trajectories at hand. Over filter models WN + k GM on each axis the expected logarithmic score
+
+    S = 1/2 mean over epochs of [ log det C + tr(C^-1 T) ],      T true, C claimed covariance of the navigation error,
+
+is minimised by its gradient: linear covariances, differentiated through the whole run. It is a proper score: a filter
+gains by small errors (log det C, once C is about T) and by claims that are true; ``error`` asks for small errors only.
+Every structure (number of processes of accelerometers and of gyros) is a mask on one compiled program. They are sought
+one after the other, smaller ones first: each search also starts from the best smaller filter with a weak process more.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from gmwm_jax._internal.nav_checks import integer
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.lincov._family import Family, Structure
+from nav_jax.lincov._search import Course, Ended, Search
+from nav_jax.lincov.analysis import Analysis, Covariances, analyse, make_setup, model_of
+from nav_jax.lincov.covariance import motion_of, noise_of
+from nav_jax.simulation.campaign import compare
+from nav_jax.simulation.comparison import Comparison
+from nav_jax.statistics.epochs import inside_outages
+from nav_jax.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+OBJECTIVES = ("score", "error")
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A trajectory with its aiding, along which filters are judged.
+
+    Attributes
+    ----------
+    reference
+        The trajectory.
+    aiding
+        Sensors, with the outages that matter.
+    initial
+        Uncertainty of the start; none if not given.
+    """
+
+    reference: Trajectory
+    aiding: Sequence[AbstractAiding]
+    initial: InitialUncertainty | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """The best filter of one structure.
+
+    Attributes
+    ----------
+    num_accel, num_gyro
+        Gauss-Markov processes on each axis besides white noise.
+    num_states
+        Sensor states in all.
+    errors
+        What it believes.
+    naive
+        The best of the same structure that believes a part of the truth as it is; None where the truth has not as many
+        processes of first order.
+    loss, loss_naive
+        Of both, the smaller the better; NaN where there is no `naive`.
+    converged
+        Whether the search came to its end.
+    covariances, covariances_naive
+        Of each scenario; empty where there is no `naive`.
+    """
+
+    num_accel: int
+    num_gyro: int
+    num_states: int
+    errors: ImuErrors
+    naive: ImuErrors | None
+    loss: float
+    loss_naive: float
+    converged: bool
+    covariances: tuple[Covariances, ...]
+    covariances_naive: tuple[Covariances, ...]
+
+    @property
+    def name(self) -> str:
+        """Such as ``2 GM accel, 1 GM gyro``, or ``1 GM + 1 RW accel, 0 GM gyro`` for a truth with random walks."""
+        sides = zip(("accel", "gyro"), (self.num_accel, self.num_gyro), (0, 3), strict=True)
+        parts = []
+        for sensor, count, channel in sides:
+            walks = sum(p.kind == "RW" for p in self.errors.models[channel].processes)
+            kinds = [f"{count - walks} GM"] * (count > walks or not walks) + [f"{walks} RW"] * bool(walks)
+            parts.append(f"{' + '.join(kinds)} {sensor}")
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design:
+    """The best filter of each structure, with fewer states first.
+
+    Attributes
+    ----------
+    candidates
+        One a structure.
+    right
+        Covariances of the filter that believes the truth, of each scenario.
+    objective
+        ``score`` or ``error``.
+    truth, scenarios
+        What they were designed for.
+    complete
+        Whether all structures were searched: false after an interrupt from the keyboard.
+    """
+
+    candidates: tuple[Candidate, ...]
+    right: tuple[Covariances, ...]
+    objective: str
+    truth: ImuErrors
+    scenarios: tuple[Scenario, ...]
+    complete: bool = True
+
+    @property
+    def pareto(self) -> tuple[Candidate, ...]:
+        """Candidates that no other with as few states surpasses."""
+        front: list[Candidate] = []
+        for c in self.candidates:
+            if not front or c.loss < min(f.loss for f in front):
+                front = [f for f in front if f.num_states < c.num_states] + [c]
+        return tuple(front)
+
+    def best(self, max_states: int | None = None) -> Candidate:
+        """The best filter within a budget of sensor states.
+
+        Raises
+        ------
+        ValueError
+            No structure has so few states.
+        """
+        allowed = [c for c in self.candidates if max_states is None or c.num_states <= max_states]
+        if not allowed:
+            raise ValueError(
+                f"No structure has {max_states} states or fewer; the smallest has {self.candidates[0].num_states}."
+            )
+        return min(allowed, key=lambda c: c.loss)
+
+    def confirm(
+        self, *, num_runs: int, key: Any, candidate: Candidate | None = None, **options: Any
+    ) -> tuple[Comparison, ...]:
+        """A Monte Carlo of a candidate, its naive counterpart and the right filter on fresh noise, for each scenario.
+
+        Filters are named ``designed``, ``truncated`` (if there is one) and ``right``.
+
+        Parameters
+        ----------
+        num_runs, key, options
+            See `nav_jax.compare`.
+        candidate
+            The best unless told otherwise.
+        """
+        c = self.best() if candidate is None else candidate
+        filters = {"designed": c.errors, "truncated": c.naive, "right": self.truth}
+        filters = {name: f for name, f in filters.items() if f is not None}
+        return tuple(
+            compare(
+                s.reference,
+                self.truth,
+                filters,
+                aiding=s.aiding,
+                initial=s.initial,
+                num_runs=num_runs,
+                key=key,
+                **options,
+            )
+            for s in self.scenarios
+        )
+
+    def table(self) -> str:
+        """States against error, at the judged epoch of each scenario (root mean square over the scenarios)."""
+        head = [
+            "filter",
+            "states",
+            self.objective,
+            "position [m]",
+            "claimed [m]",
+            "NEES / 9",
+            "truncated: position",
+            "NEES / 9",
+            "",
+        ]
+        on_front = {id(c) for c in self.pareto}
+        rows = []
+        for c in self.candidates:
+            designed, naive = judged(c.covariances), judged(c.covariances_naive)
+            cells = [number(x, 4) for x in designed] + ["-" if np.isnan(x) else number(x, 4) for x in naive[::2]]
+            mark = " ".join(["*"] * (id(c) in on_front) + ["not converged"] * (not c.converged))
+            rows.append([c.name, str(c.num_states), number(c.loss, 5), *cells, mark])
+        position, claimed, nees = judged(self.right)
+        states = str(len(self.truth.bank().states))
+        rows.append(["truth", states, "", *(number(x, 4) for x in (position, claimed, nees)), "", "", ""])
+        return format_table(head, rows)
+
+    def __repr__(self) -> str:
+        where = ", ".join(s.reference.name or "trajectory" for s in self.scenarios)
+        cut = "" if self.complete else " INTERRUPTED: the larger structures are missing."
+        title = f"Filters designed for {where} by {self.objective}; * best for its number of states.{cut}"
+        return f"{title}\n{self.table()}"
+
+    def plot(self, **options: Any) -> "Figure":
+        """See `nav_jax.plotting.lincov.plot_design`."""
+        from nav_jax.plotting.lincov import plot_design
+
+        return plot_design(self, **options)
+
+
+def design(
+    truth: ImuErrors,
+    scenarios: Any,
+    *,
+    max_accel: int = 2,
+    max_gyro: int = 2,
+    max_states: int | None = None,
+    objective: str = "score",
+    num_starts: int = 1,
+    max_steps: int = 60,
+    every: int = 10,
+    output_interval: Real = 1.0,
+    progress: bool = False,
+    earth: FlatEarth | None = None,
+) -> Design:
+    """Find the best filter of each structure WN + k GM an axis, by its true error along trajectories.
+
+    Where the truth has a random walk a process may be one too. An interrupt from the keyboard ends the search with the
+    structures that are done.
+
+    Parameters
+    ----------
+    truth
+        Errors of the IMU.
+    scenarios
+        One `Scenario` or a sequence of them, trajectories with aiding. Epochs in outages count, their ends with them;
+        all where there is none.
+    max_accel, max_gyro
+        Most Gauss-Markov processes on an axis.
+    max_states
+        Structures with more sensor states are left out.
+    objective
+        ``score``: small errors and true claims of position, velocity and attitude; ``error``: a small position error.
+    num_starts
+        Searches of each structure from the best parts of the truth; one more starts from the best smaller structure.
+    max_steps
+        Of each search.
+    every, output_interval, earth
+        See `nav_jax.analyse`.
+    progress
+        Show a progress bar of structures (needs the extra ``app``).
+
+    Raises
+    ------
+    ValueError
+        No structure within the budget, no scenario, unknown objective; as of `nav_jax.analyse`.
+    KeyboardInterrupt
+        Before the first structure was done.
+    """
+    truth = model_of(truth)
+    scenarios = (scenarios,) if isinstance(scenarios, Scenario) else scenarios
+    if not isinstance(scenarios, Sequence) or not all(isinstance(s, Scenario) for s in scenarios):
+        raise ValueError(f"Scenarios are wanted, Scenario(reference, aiding, initial), and this is {scenarios!r}.")
+    scenarios = tuple(scenarios)
+    if not scenarios:
+        raise ValueError("Give at least one scenario.")
+    if objective not in OBJECTIVES:
+        raise ValueError(f"The objective is one of {', '.join(OBJECTIVES)}, and is {objective!r}.")
+    family = Family(truth, integer("max_accel", max_accel, 0), integer("max_gyro", max_gyro, 0))
+    num_starts, max_steps = integer("num_starts", num_starts, 1), integer("max_steps", max_steps, 1)
+    structures = [
+        s
+        for s in sorted(product(range(max_accel + 1), range(max_gyro + 1)), key=sum)
+        if max_states is None or family.num_states(s) <= max_states
+    ]
+    if not structures:
+        raise ValueError(f"No structure has {max_states} sensor states or fewer.")
+    times: Any = {"every": every, "output_interval": output_interval, "earth": earth}
+    courses = tuple(_course(s, truth, times) for s in scenarios)
+    search = Search(courses, family, objective, num_starts, max_steps)
+    found: dict[Structure, Ended] = {}
+    bar = progress_bar(len(structures), "structure", progress)
+    try:
+        for s in structures:
+            found[s] = search(s, found)
+            bar.update(1)
+    except KeyboardInterrupt:
+        if not found:
+            raise
+    finally:
+        bar.close()
+    candidates = [_candidate(family, scenarios, times, s, ended) for s, ended in found.items()]
+    candidates.sort(key=lambda c: (c.num_states, c.loss))
+    right = tuple(_analysis(c, truth, {"right": truth}, times)["right"] for c in scenarios)
+    return Design(tuple(candidates), right, objective, truth, scenarios, complete=len(found) == len(structures))
+
+
+def _candidate(
+    family: Family, scenarios: Sequence[Scenario], times: Mapping[str, Any], structure: Structure, ended: Ended
+) -> Candidate:
+    errors = family.errors(ended.best, structure)
+    naive = None if ended.naive is None else family.errors(ended.naive, structure)
+    filters = {"designed": errors} | ({} if naive is None else {"truncated": naive})
+    found = [_analysis(s, family.truth, filters, times) for s in scenarios]
+    return Candidate(
+        *structure,
+        family.num_states(structure),
+        errors,
+        naive,
+        ended.loss,
+        ended.loss_naive,
+        ended.converged,
+        tuple(a["designed"] for a in found),
+        () if naive is None else tuple(a["truncated"] for a in found),
+    )
+
+
+def _course(scenario: Scenario, truth: ImuErrors, times: Mapping[str, Any]) -> Course:
+    filters = {"filter": truth}
+    setup = make_setup(scenario.reference, truth, filters, scenario.aiding, scenario.initial, **times)
+    time = setup.output_times
+    inside = inside_outages(time, setup.outages, setup.fixes) if setup.outages else np.full(len(time), True)
+    if not inside.any():
+        raise ValueError("An outage has no epoch inside: give a shorter output_interval.")
+    segments = jnp.asarray(setup.output_segments[inside])
+    return Course(setup.experiment, motion_of(setup.experiment), noise_of(setup.experiment, truth), segments)
+
+
+def _analysis(
+    scenario: Scenario, truth: ImuErrors, filters: Mapping[str, ImuErrors], times: Mapping[str, Any]
+) -> Analysis:
+    return analyse(scenario.reference, truth, filters, aiding=scenario.aiding, initial=scenario.initial, **times)
+
+
+def judged(covariances: Sequence[Covariances]) -> tuple[float, float, float]:
+    """RMS and claimed position error and NEES / 9 at the judged epochs; NaN of nothing."""
+    if not covariances:
+        return np.nan, np.nan, np.nan
+    at = [(c, c.epoch()) for c in covariances]
+    position, claimed = (
+        float(np.sqrt(np.mean([x[k] ** 2 for x, k in rows])))
+        for rows in ([(c.rms("position"), k) for c, k in at], [(c.rms_claimed("position"), k) for c, k in at])
+    )
+    return position, claimed, float(np.mean([c.nees("navigation")[k] / 9 for c, k in at]))

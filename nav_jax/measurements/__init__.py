@@ -1,1 +1,0 @@
-"""Aiding sensors, one a file: what they measure, how well, and when."""

@@ -1,0 +1,153 @@
+"""Recorded navigation data from files, tables and arrays: the samples of an IMU, and the fixes of aiding sensors."""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gmwm_jax._internal.nav_checks import increasing, real_array, require_x64
+from gmwm_jax._internal.nav_columns import Columns, open_source
+from gmwm_jax._internal.nav_typing import Real
+from nav_jax.aiding.barometer import Barometer
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.gnss_position import GnssPosition
+from nav_jax.aiding.gnss_velocity import GnssVelocity
+from nav_jax.imu.imu import Imu
+from nav_jax.kinematics.earth import ned_from_geodetic
+from nav_jax.recorded.navigation import Fixes
+from nav_jax.trajectory.columns import ACCEL, GYRO, POSITION, VELOCITY, Reader, pick
+
+_MEASURED: Mapping[type[AbstractAiding], Sequence[str]] = {
+    GnssPosition: POSITION["ned"], GnssVelocity: VELOCITY, Barometer: ("height",),
+}  # fmt: skip
+
+
+def read_imu(
+    source: Any,
+    *,
+    units: Mapping[str, str] | None = None,
+    rate: Real | None = None,
+    columns: Mapping[str, int | str] | None = None,
+    time_unit: str | None = None,
+    delimiter: str | None = None,
+    variable: str | None = None,
+) -> Imu:
+    """Read the samples of an IMU from a file, an array, a mapping, a DataFrame or an xarray Dataset.
+
+    Files are those of `nav_jax.read_trajectory`. The columns are time, gyro x, y, z and accelerometer x, y, z (body
+    front, right, down; specific force). They are found by their names (``time``, ``gyro_x``, ``accel_z`` ..., also with
+    a unit behind: ``gyro_x_deg_s``), or, without names, by the order just said.
+
+    Parameters
+    ----------
+    source
+        Path or table.
+    units
+        ``{"gyro": "rad/s", "accel": "m/s^2"}``; of gyros also ``deg/s`` and ``deg/h``, of accelerometers ``g`` and
+        ``mg``. Needed unless the names say it.
+    rate
+        Hz; from the times unless given.
+    columns
+        Columns that are not found by their names, as in ``{"gyro_x": "wx"}``, by name or number.
+    time_unit
+        ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another.
+    delimiter
+        Of a text file; found unless given.
+    variable
+        The object to read, where an ``.npz`` or R file holds several.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file.
+    ImportError
+        The format needs the extra ``io``.
+    ValueError
+        A corrupt file; a column that is missing or no number; a unit that is not stated, or stated twice differently;
+        steps of time that are uneven.
+    """
+    require_x64()
+    stated = {} if units is None else dict(units)
+    if not set(stated) <= {"gyro", "accel"}:
+        raise ValueError(f'units has the keys "gyro" and "accel", and these are {", ".join(stated)}.')
+    try:
+        table = open_source(source, delimiter, variable)
+        read = Reader(table, pick(table, ("time", *GYRO, *ACCEL), columns), None, time_unit)
+        time = _seconds(read, table)
+        increasing("The time of an IMU", time)
+        gyro = read.sensor(GYRO, stated.get("gyro"), 'units={"gyro": ...}')
+        accel = read.sensor(ACCEL, stated.get("accel"), 'units={"accel": ...}')
+        return Imu(time, gyro, accel, float((len(time) - 1) / (time[-1] - time[0])) if rate is None else rate)
+    except ValueError as error:
+        raise _of_file(error, source) from error
+
+
+def read_fixes(
+    source: Any,
+    sensor: AbstractAiding,
+    *,
+    origin: Sequence[Real] | np.ndarray | None = None,
+    angles: str | None = None,
+    columns: Mapping[str, int | str] | None = None,
+    time_unit: str | None = None,
+    delimiter: str | None = None,
+    variable: str | None = None,
+) -> Fixes:
+    """Read the fixes of an aiding sensor: time, and what the sensor measures; fixes in its outages are left out.
+
+    The columns are found by their names, or, without names, in this order: time; north, east, down (m) of a GNSS
+    position; velocity north, east, down (m/s) of a GNSS velocity; height above the origin (m) of a barometer.
+
+    Parameters
+    ----------
+    source, columns, time_unit, delimiter, variable
+        See `read_imu`; the time is on the clock of the IMU.
+    sensor
+        `GnssPosition`, `GnssVelocity` or `Barometer`, with the standard deviations that the filter believes.
+    origin
+        Latitude, longitude (rad) and height (m) of the origin of n: positions are then latitude, longitude, height,
+        and heights of a barometer not yet above the origin.
+    angles
+        ``rad`` or ``deg`` for latitude and longitude; needed unless the names say it.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file.
+    ImportError
+        The format needs the extra ``io``.
+    ValueError
+        As of `read_imu`; another kind of sensor; an origin for velocities; no fix outside the outages.
+    """
+    require_x64()
+    if type(sensor) not in _MEASURED:
+        known = ", ".join(cls.__name__ for cls in _MEASURED)
+        raise ValueError(f"Fixes are read for {known}, and this is {type(sensor).__name__}: build Fixes from arrays.")
+    if origin is not None:
+        origin = real_array("The origin (latitude, longitude, height)", origin, (3,))
+        if isinstance(sensor, GnssVelocity):
+            raise ValueError("Velocities have no origin: leave origin out.")
+    geodetic = isinstance(sensor, GnssPosition) and origin is not None
+    names = POSITION["geodetic"] if geodetic else _MEASURED[type(sensor)]
+    try:
+        table = open_source(source, delimiter, variable)
+        read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
+        time, value = _seconds(read, table), read.three(names)
+        if origin is not None:
+            value = ned_from_geodetic(value, origin) if geodetic else value - origin[2]
+        kept = sensor.available(time)
+        return Fixes(sensor, time[kept], value[kept])
+    except ValueError as error:
+        raise _of_file(error, source) from error
+
+
+def _seconds(read: Reader, table: Columns) -> np.ndarray:
+    """Time on a clock that several files share."""
+    if table.data[read.numbers["time"]].dtype.kind in "mM":
+        raise ValueError("Timestamps of several files have no common zero: convert them to seconds on one clock.")
+    return read.time()
+
+
+def _of_file(error: ValueError, source: Any) -> ValueError:
+    return ValueError(f"{source}: {error}") if isinstance(source, str | os.PathLike) else error

@@ -1,0 +1,302 @@
+"""Plain integrated navigation: the filter of the Monte Carlo on given sensor arrays, without a reference."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float64, Int
+
+from gmwm_jax._internal.nav_checks import increasing, integer, number, of_kind, real_array
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.text_table import format_table
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.ekf import NavState
+from nav_jax.filter.experiment import start_covariance, timeline_of
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.loop import Inputs, Outcome, Timeline, run_estimate
+from nav_jax.filter.schedule import Schedule, make_schedule
+from nav_jax.filter.score import Truth
+from nav_jax.filter.smoother import smoothed
+from nav_jax.filter.status import Status
+from nav_jax.imu.emulation import GivenErrors
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.imu import Imu
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Fixes:
+    """Measurements of an aiding sensor, as recorded.
+
+    Attributes
+    ----------
+    sensor
+        Which kind, and with ``believed`` how good; its rate and outages are not used.
+    time
+        s, on the clock of the IMU, on or off its grid, shape (F,).
+    value
+        Shape (F, K), one column an axis of the sensor.
+
+    Raises
+    ------
+    ValueError
+        No fix, NaN, times that do not increase, another number of columns than the sensor has axes.
+    """
+
+    sensor: AbstractAiding
+    time: Float64[np.ndarray, " F"]
+    value: Float64[np.ndarray, "F K"]
+
+    def __post_init__(self) -> None:
+        name = self.sensor.name
+        time = real_array(f"The time of {name}", self.time, (None,))
+        if not len(time):
+            raise ValueError(f"{name} has no fix: leave it out.")
+        if len(time) > 1:
+            increasing(f"The time of {name}", time)
+        value = real_array(f"{name} ({', '.join(self.sensor.axes)})", self.value, (len(time), len(self.sensor.axes)))
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "value", value)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Navigation:
+    """An integrated navigation solution.
+
+    Attributes
+    ----------
+    trajectory
+        The estimate after every covariance step.
+    time
+        Epochs of what follows, s, shape (E,).
+    sd
+        Standard deviations of position N, E, D (m), velocity (m/s), attitude (rad, rotation vector in n) and of the
+        estimated errors of accelerometers (m/s^2) and gyros (rad/s), shape (E, 15).
+    sensor_errors
+        Estimated errors of accelerometer x, y, z and gyro x, y, z, shape (E, 6).
+    innovation, nis
+        Sensor -> innovations (F, K) and their normalised squares (F,), each component given those before it.
+    status
+        How it ended.
+    """
+
+    trajectory: Trajectory
+    time: Float64[np.ndarray, " E"]
+    sd: Float64[np.ndarray, "E 15"]
+    sensor_errors: Float64[np.ndarray, "E 6"]
+    innovation: Mapping[str, Float64[np.ndarray, "_ _"]]
+    nis: Mapping[str, Float64[np.ndarray, " _"]]
+    status: Status
+
+    def __repr__(self) -> str:
+        last = self.sd[-1]
+        rows = [
+            [name, unit, *(f"{x:.3g}" for x in last[3 * i : 3 * i + 3])]
+            for i, (name, unit) in enumerate([("position", "m"), ("velocity", "m/s"), ("attitude", "rad")])
+        ]
+        lines = [
+            f"Navigation from {self.trajectory.time[0]:g} to {self.trajectory.time[-1]:g} s: {self.status.sentence}",
+            f"standard deviations at {self.time[-1]:g} s",
+            format_table(["", "unit", "N", "E", "D"], rows, left=2),
+            *(f"NIS of {s}: mean {x.mean():.3g} over {len(x)} fixes of {self.innovation[s].shape[1]} components"
+              for s, x in self.nis.items()),
+        ]  # fmt: skip
+        return "\n".join(lines)
+
+
+class Prepared(NamedTuple):
+    """A record as the filter takes it."""
+
+    timeline: Timeline
+    sensors: tuple[AbstractAiding, ...]
+    inputs: Inputs
+    """Of one run, without sensor states."""
+    schedule: Schedule
+    outputs: Int[np.ndarray, " E"]
+    """The segments that end at the epochs asked for."""
+    fixes: list[Int[np.ndarray, " _"]]
+    """Of each sensor, the segments that end with a fix."""
+    columns: Int[np.ndarray, " _"]
+    """Where the scalars of each sensor begin, and their number."""
+
+
+def prepare_navigation(
+    imu: Imu,
+    aiding: Sequence[Fixes],
+    errors: ImuErrors,
+    *,
+    position: Any,
+    velocity: Any,
+    quaternion: Any,
+    every: int,
+    output_interval: Real,
+    earth: FlatEarth | None,
+) -> Prepared:
+    """Check and arrange a record; parameters and errors as of `navigate`."""
+    if abs(errors.rate / imu.rate - 1) > 1e-6:
+        raise ValueError(
+            f"The errors belong to {errors.rate:g} Hz and the record to {imu.rate:g} Hz: use at_rate({imu.rate:g})."
+        )
+    sensors = tuple(f.sensor for f in aiding)
+    names = [s.name for s in sensors]
+    if len(set(names)) < len(names):
+        raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
+    earth = FlatEarth() if earth is None else earth
+    of_kind("earth", earth, FlatEarth)
+    epochs = imu.epochs
+    interval = number("output_interval", output_interval)
+    count = int(np.floor((epochs[-1] - epochs[0]) / interval + 1e-9))
+    if not count:
+        raise ValueError(f"The output interval of {interval:g} s is longer than the record of {imu.duration:g} s.")
+    times = epochs[0] + interval * np.arange(1, count + 1)
+    schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
+    lengths = [len(times), *(len(f.time) for f in aiding)]
+    outputs, *fixes = np.split(schedule.event, np.cumsum(lengths)[:-1])
+    M = len(schedule.time)
+    start = {
+        name: real_array(name, value, (size,))
+        for name, value, size in (("position", position, 3), ("velocity", velocity, 3), ("quaternion", quaternion, 4))
+    }
+    if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
+        raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
+    p, v, q = (jnp.asarray(a[:, None]) for a in start.values())
+    begin = NavState(p, v, q, jnp.zeros((0, 1)))
+    # nothing is known to compare with: the errors of the channels are then what the filter estimates
+    nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
+    timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth.gravity_n(begin.p))
+    z = np.zeros((M, timeline.valid.shape[1], 1))
+    columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
+    for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
+        z[segments, a:b, 0] = f.value
+    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, 6, 1)))
+    return Prepared(timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, outputs, fixes, columns)
+
+
+@eqx.filter_jit
+def run_record(
+    timeline: Timeline,
+    sensors: tuple[AbstractAiding, ...],
+    inputs: Inputs,
+    errors: ImuErrors,
+    initial: InitialUncertainty,
+    *,
+    trace: bool = False,
+    smooth: bool = False,
+) -> Outcome:
+    """Run the filter over a prepared record."""
+    bank = errors.bank()
+    inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), 1))))
+    P = start_covariance(initial, bank)
+    outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)
+    return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
+
+
+def navigate(
+    imu: Imu,
+    aiding: Sequence[Fixes],
+    errors: ImuErrors,
+    *,
+    position: Any,
+    velocity: Any,
+    quaternion: Any,
+    initial: InitialUncertainty,
+    every: int = 1,
+    output_interval: Real = 1.0,
+    earth: FlatEarth | None = None,
+    smooth: bool = False,
+    throw: bool = True,
+) -> Navigation:
+    """Run the filter on recorded sensors.
+
+    Parameters
+    ----------
+    imu
+        The record.
+    aiding
+        Fixes of each sensor; may be empty (free inertial navigation).
+    errors
+        What the filter believes of the errors of the IMU; their rate must be that of the record.
+    position, velocity, quaternion
+        The start: NED in m and m/s, q_nb scalar-first.
+    initial
+        How well the start is known.
+    every
+        Number of IMU samples in a covariance step.
+    output_interval
+        s between the epochs of standard deviations.
+    earth
+        ``FlatEarth(gravity)``.
+    smooth
+        Give the estimate of the fixed-interval smoother, from all fixes of the record, at every output and fix.
+    throw
+        Raise if the filter fails; else its status says so.
+
+    Returns
+    -------
+    Navigation
+
+    Raises
+    ------
+    ValueError
+        Another rate, fixes outside the record, arrays of wrong shape, two sensors of one name, a start or an Earth of
+        another class.
+    RuntimeError
+        The filter failed, and ``throw``.
+    """
+    of_kind("initial", initial, InitialUncertainty)
+    done = prepare_navigation(
+        imu,
+        aiding,
+        errors,
+        position=position,
+        velocity=velocity,
+        quaternion=quaternion,
+        every=every,
+        output_interval=output_interval,
+        earth=earth,
+    )
+    outcome = run_record(done.timeline, done.sensors, done.inputs, errors, initial, trace=not smooth, smooth=smooth)
+    outcome = jax.tree.map(lambda a: np.asarray(a)[..., 0], outcome)
+    status = Status(int(outcome.status))
+    if throw and status is not Status.ok:
+        raise RuntimeError(
+            f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; "
+            "with throw=False the solution up to there is returned."
+        )
+    names = [s.name for s in done.sensors]
+    parts = list(zip(names, done.fixes, done.columns[:-1], done.columns[1:], strict=True))
+    nu = {n: outcome.innovation[s, a:b] for n, s, a, b in parts}
+    variance = {n: outcome.variance[s, a:b] for n, s, a, b in parts}
+    return Navigation(
+        _trajectory(done, outcome, imu, smooth=smooth),
+        done.schedule.time[done.outputs],
+        outcome.judgement.sd[done.outputs],
+        outcome.judgement.error[done.outputs, 9:],
+        nu,
+        {n: (nu[n] ** 2 / variance[n]).sum(axis=1) for n in names},
+        status,
+    )
+
+
+def _trajectory(done: Prepared, outcome: Outcome, imu: Imu, *, smooth: bool) -> Trajectory:
+    """The estimate from the start on; of the smoother, at the events, after the start."""
+    length = done.schedule.dt.sum(axis=1)[done.schedule.pattern]
+    if smooth:
+        moved = length.sum(axis=1) > 0  # of several segments that end at once, the last has all fixes
+        last = np.append(moved[1:], True)
+        p, v, q = (np.asarray(a)[last] for a in outcome.state[:3])
+        return Trajectory(done.schedule.time[last], p, v, q, "smoothed navigation")
+    length = length.ravel()
+    real = np.flatnonzero(length > 0)
+    start = [np.asarray(a)[:, 0] for a in done.inputs.start[:3]]
+    p, v, q = (
+        np.concatenate([first[None], a.reshape(-1, a.shape[-1])[real]])
+        for first, a in zip(start, outcome.trace[:3], strict=True)
+    )
+    time = np.append(imu.epochs[0], imu.epochs[0] + np.cumsum(length[real]))
+    return Trajectory(time, p, v, q, "navigation")

@@ -1,0 +1,271 @@
+"""Noise parameters from recorded navigation data: those under which the innovations of the filter are most likely.
+
+Parameters are sought on the real line (logarithms). What the record does not determine is held and marked; with a
+prior, it is sought all the same and marked as coming from there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from gmwm_jax._internal.nav_checks import integer, of_kind, probability
+from gmwm_jax._internal.nav_checks import number as check_number
+from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.parameters import AidingLines, ErrorLines
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.imu import Imu
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.recorded._search import Objective, search
+from nav_jax.recorded.likelihood import Model, Record
+from nav_jax.recorded.navigation import Fixes, prepare_navigation
+from nav_jax.statistics.distributions import normal_quantile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+_WIDEST = 20.0
+"""Half of an interval of logarithms, at most: what only a wide prior holds might leave the range of numbers."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuning:
+    """Noise parameters that a recorded run makes most likely.
+
+    Attributes
+    ----------
+    errors
+        The tuned model.
+    aiding
+        The sensors, with the standard deviations that were found if they were sought.
+    names
+        Of P parameters.
+    start, value
+        Before and after, per sample (factors for aiding sensors; partial autocorrelations in place of the coefficients
+        of an AR(2) or ARMA), shape (P,).
+    se
+        Standard errors on the real line (of logarithms; of the logit of a phi), NaN where not sought. They and the
+        intervals are conditional: given that what was not sought has the value at which it was held. With a prior,
+        they are those of the record and the prior together.
+    ci_low, ci_high
+        Limits of the intervals, NaN where not sought.
+    sought
+        Whether the parameter was sought to the end; the others are at their start, or lost.
+    lost
+        Whether the search moved the parameter to where the record does not determine it, such as far below what it
+        shows. It is held there, and has no interval.
+    observable
+        Whether the record determines the parameter. Without a prior, what it does not determine is not sought.
+    held
+        Names that were not sought because it was asked for.
+    loss_start, loss
+        Minus the logarithm of the likelihood, less a constant.
+    num_innovations
+        Scalars that entered it.
+    converged
+        Whether the search came to its end.
+    level
+        Confidence of the intervals.
+    """
+
+    errors: ImuErrors
+    aiding: tuple[AbstractAiding, ...]
+    names: tuple[str, ...]
+    start: Float64[np.ndarray, " P"]
+    value: Float64[np.ndarray, " P"]
+    se: Float64[np.ndarray, " P"]
+    ci_low: Float64[np.ndarray, " P"]
+    ci_high: Float64[np.ndarray, " P"]
+    sought: Bool[np.ndarray, " P"]
+    lost: Bool[np.ndarray, " P"]
+    observable: Bool[np.ndarray, " P"]
+    held: tuple[str, ...]
+    loss_start: float
+    loss: float
+    num_innovations: int
+    converged: bool
+    level: float
+
+    def table(self) -> str:
+        """Each parameter before and after, with its interval."""
+        p = f"{100 * self.level:g} %"
+        head = ["parameter", "start", "tuned", f"{p} low", f"{p} high", "se (log)", ""]
+        rows = [
+            [name, *(number(float(x), 4) for x in row), remark]
+            for name, remark, *row in zip(
+                self.names, self.remarks, self.start, self.value, self.ci_low, self.ci_high, self.se, strict=True
+            )
+        ]
+        return format_table(head, rows)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Of each parameter, why it is not what the record says; "" if it is."""
+        return tuple(
+            "held" if name in self.held
+            else "" if seen
+            else "not observable: from the prior" if sought
+            else "lost in the search: held there" if lost
+            else "not observable: held"
+            for name, sought, lost, seen in zip(self.names, self.sought, self.lost, self.observable, strict=True)
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        ended = "converged" if self.converged else "NOT converged: the search was ended before its minimum"
+        gain = self.loss_start - self.loss
+        lines = [
+            f"Tuning by the likelihood of {self.num_innovations} innovations: {ended}",
+            f"log likelihood {gain:+.4g} against the start",
+            self.table(),
+        ]
+        if not self.sought.all():
+            lines.append("Standard errors and intervals are given the values of what is held.")
+        if self.lost.any():
+            lines.append("What was lost is held where the search left it: the record may do without that process.")
+        return "\n".join(lines)
+
+    def plot(self) -> "Figure":
+        """See `nav_jax.plotting.lincov.plot_tuning`."""
+        from nav_jax.plotting.lincov import plot_tuning
+
+        return plot_tuning(self)
+
+
+def tune(
+    imu: Imu,
+    aiding: Sequence[Fixes],
+    errors: ImuErrors,
+    *,
+    position: Any,
+    velocity: Any,
+    quaternion: Any,
+    initial: InitialUncertainty,
+    tune_aiding: bool = False,
+    hold: Sequence[str] = (),
+    max_steps: int = 50,
+    prior: Any = None,
+    every: int = 10,
+    earth: FlatEarth | None = None,
+    level: float = 0.95,
+    progress: bool = False,
+) -> Tuning:
+    """Find the noise parameters under which the innovations of a recorded run are most likely.
+
+    Parameters
+    ----------
+    imu, aiding, position, velocity, quaternion, initial, every, earth
+        See `nav_jax.recorded.navigation`.
+    errors
+        Where the search starts, such as fits of a static recording; its structure is that of the result.
+    tune_aiding
+        Seek also the standard deviations that the filter believes of the aiding sensors.
+    hold
+        Names of parameters that are not sought.
+    max_steps
+        Of the search, each time that what is observable has changed.
+    prior
+        Penalise the way from the start: a standard deviation of the logarithms, or their covariance (P, P).
+    level
+        Confidence of the intervals.
+    progress
+        Show a count of the steps (needs the extra ``app``).
+
+    Returns
+    -------
+    Tuning
+        As far as the search has come, and not converged, if it was interrupted from the keyboard.
+
+    Raises
+    ------
+    ValueError
+        No fix, an unknown name, a prior that is no covariance, a number out of range, nothing that the record
+        determines, a filter that fails at the start; as of `nav_jax.recorded.navigation`.
+
+    Notes
+    -----
+    What is observable is judged at the start and again at every solution. What is lost on the way, as a process that
+    the record does not have, is held where the search has left it: try the model without it. Of a parameter that is
+    barely in sight, records show the large estimates only, and an interval that is too short.
+    """
+    level, max_steps = probability("level", level), integer("max_steps", max_steps, 1)
+    of_kind("initial", initial, InitialUncertainty)
+    if not aiding:
+        raise ValueError("Without aiding there are no innovations, and nothing to tune by.")
+    done = prepare_navigation(
+        imu,
+        aiding,
+        errors,
+        position=position,
+        velocity=velocity,
+        quaternion=quaternion,
+        every=every,
+        output_interval=imu.duration,
+        earth=earth,
+    )
+    record = Record(done.timeline, done.inputs, initial)
+    model = Model(ErrorLines(errors), AidingLines(done.sensors), tune_aiding)
+    names, size = model.names, len(model.names)
+    if unknown := sorted(set(hold) - set(names)):
+        raise ValueError(f"There is no parameter {unknown[0]!r} to hold; there are {', '.join(names)}.")
+    objective = Objective(record, model, _penalty(prior, size))
+    begin = objective(objective.start)
+    if not np.isfinite(begin.loss):
+        raise ValueError("The filter fails at the start: look at the record with navigate first.")
+    bar = progress_bar(None, "step", progress)
+    try:
+        found = search(objective, [i for i in range(size) if names[i] not in hold], max_steps, bar)
+    finally:
+        bar.close()
+    if not found.sought.any():
+        raise ValueError("The record determines none of the parameters: it is too short, or its aiding too poor.")
+    known = found.sought & np.isfinite(found.se)
+    half = np.where(known, np.minimum(normal_quantile(level) * found.se, _WIDEST), 0.0)
+    limits = np.sort([_values(model, found.vector + x) for x in (-half, half)], axis=0)
+    tuned, sensors = model.build(jnp.asarray(found.vector))
+    return Tuning(
+        errors=tuned,
+        aiding=sensors,
+        names=names,
+        start=_values(model, objective.start),
+        value=_values(model, found.vector),
+        se=np.where(known, found.se, np.nan),
+        ci_low=np.where(known, limits[0], np.nan),
+        ci_high=np.where(known, limits[1], np.nan),
+        sought=found.sought,
+        lost=found.lost,
+        observable=found.observable,
+        held=tuple(hold),
+        loss_start=begin.loss,
+        loss=found.loss,
+        num_innovations=int(np.asarray(record.timeline.valid).sum()),
+        converged=found.converged,
+        level=level,
+    )
+
+
+def _values(model: Model, vector: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, " P"]:
+    """Parameters per sample, and factors."""
+    size = len(model.errors.names)
+    return np.concatenate([model.errors.values(vector[:size]), np.exp(vector[size:])])
+
+
+def _penalty(prior: Any, size: int) -> Float64[np.ndarray, "P P"]:
+    if prior is None:
+        return np.zeros((size, size))
+    if np.ndim(prior) == 0:
+        return np.eye(size) / check_number("prior", prior) ** 2
+    covariance = np.asarray(prior, dtype=float)
+    if covariance.shape != (size, size) or not np.isfinite(covariance).all():
+        raise ValueError(f"The covariance of the prior is ({size}, {size}) and finite; this one is {covariance.shape}.")
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("The covariance of the prior is not positive definite.") from error
+    return np.linalg.inv(covariance)

@@ -1,0 +1,363 @@
+"""Monte Carlo: hundreds of runs of one filter or of several, chunk by chunk, on all cores.
+
+Every filter is given the same keys, and so the same noise: common random numbers. Chunks go to a pool of threads (JAX
+releases the interpreter while it computes), so that the covariances of a chunk stay in the cache of one core; the
+numbers of a run depend on its key alone.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Key
+
+from gmwm_jax._internal.nav_checks import integer, typed_key
+from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.progress import progress_bar
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.experiment import GAINS, Setup, check_rates, draw_inputs, gains_of, run_filter, run_keys
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.layout import COMPONENTS, GROUPS
+from nav_jax.filter.status import Status
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.runs import Runs, Track
+from nav_jax.trajectory.trajectory import Trajectory
+
+_SIZES = range(64, 129, 8)
+"""Runs in a chunk: whole vectors, and enough of them to pay for a step; more come back later when interrupted."""
+_SMOOTHER_BYTES = 1_000_000_000
+"""What the covariances of all chunks that are smoothed at once may take."""
+
+
+def monte_carlo(
+    reference: Trajectory,
+    truth: ImuErrors | RecordedErrors,
+    filter: ImuErrors | None = None,
+    *,
+    name: str = "filter",
+    **options: Any,
+) -> Runs:
+    """Run one filter many times along a reference, each time with new noise.
+
+    Parameters
+    ----------
+    reference
+        The trajectory.
+    truth
+        Errors of the IMU that are emulated.
+    filter
+        What the filter believes of them; the truth if not given.
+    name
+        Of the filter in tables and figures.
+    options
+        ``aiding, num_runs, key, initial, gains, smooth, every, output_interval, earth, chunk_size, workers, keep,
+        progress``, see `compare`.
+
+    Returns
+    -------
+    Runs
+
+    Raises
+    ------
+    ValueError
+        As in `compare`.
+    """
+    if filter is None:
+        if not isinstance(truth, ImuErrors):
+            raise ValueError(
+                "Errors of a recording say nothing of a model: state what the filter believes (filter=...)."
+            )
+        filter = truth
+    return compare(reference, truth, {name: filter}, **options).runs[name]
+
+
+def compare(
+    reference: Trajectory,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors],
+    *,
+    aiding: Sequence[AbstractAiding],
+    num_runs: int,
+    key: Key[Any, ""],
+    initial: InitialUncertainty | None = None,
+    gains: str = "estimate",
+    smooth: bool = False,
+    every: int = 1,
+    output_interval: Real = 1.0,
+    earth: FlatEarth | None = None,
+    chunk_size: int | None = None,
+    workers: int | None = None,
+    keep: Iterable[int] = (),
+    progress: bool = False,
+) -> Comparison:
+    """Compare filters that believe different noise models on the same runs.
+
+    Parameters
+    ----------
+    reference
+        The trajectory; resampled to the rate of the errors.
+    truth
+        Errors of the IMU that are emulated: a model, or a recording.
+    filters
+        Name -> what that filter believes. Their rate must be that of the truth.
+    aiding
+        `GnssPosition`, `GnssVelocity`, `Barometer`; may be empty.
+    num_runs
+        Number of runs of each filter.
+    key
+        ``jax.random.key(seed)``. Run i has a key of its own whatever the number of runs.
+    initial
+        Uncertainty of the start, from which initial errors are drawn; none if not given.
+    gains
+        ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
+        to first order in the errors and several times faster; not for errors so large that they bend the filter.
+    smooth
+        Judge the fixed-interval smoother, which uses all measurements of a run, in place of the filter.
+    every
+        Number of IMU samples in a covariance step; the transition is accumulated over all of them.
+    output_interval
+        s between the epochs at which errors and covariances are kept.
+    earth
+        ``FlatEarth(gravity)``.
+    chunk_size
+        Runs computed at once. It changes speed and memory, not the numbers.
+    workers
+        Threads; as many as there are cores unless told otherwise, one on a GPU.
+    keep
+        Numbers of runs whose whole trajectory is kept.
+    progress
+        Show a progress bar (needs the extra ``app``).
+
+    Returns
+    -------
+    Comparison
+        With fewer runs than asked for if it was interrupted from the keyboard: what was done by then.
+
+    Raises
+    ------
+    ValueError
+        Rates that differ, outages outside the run, no fix at all, two sensors of one name, a number out of range;
+        trajectories to keep of a smoother.
+    TypeError
+        The key is an integer or of the old kind.
+    """
+    typed_key(key)
+    if not filters:
+        raise ValueError("Give at least one filter: {name: ImuErrors}.")
+    if gains not in GAINS:
+        raise ValueError(f"gains is one of {', '.join(GAINS)}, and is {gains!r}.")
+    num_runs = integer("num_runs", num_runs, 1)
+    kept = sorted({integer("A run to keep", i, 0) for i in keep})
+    if kept and smooth:
+        raise ValueError("Trajectories that are kept are those of the filter: keep them without smooth=True.")
+    if kept and kept[-1] >= num_runs:
+        raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
+    initial = InitialUncertainty() if initial is None else initial
+    setup = Setup(
+        reference,
+        aiding,
+        rate=check_rates(truth, dict(filters)),
+        initial=initial,
+        earth=FlatEarth() if earth is None else earth,
+        every=every,
+        output_interval=output_interval,
+    )
+    on_cpu = jax.default_backend() == "cpu"
+    workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
+    size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
+    on_reference = gains == "reference"
+    if smooth and chunk_size is None and not on_reference:
+        most = max(len(f.bank().states) for f in filters.values())
+        size = min(size, _smoothed_at_once(setup, 9 + most, workers))
+    shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
+
+    def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
+        # the last chunk is filled up with runs that nobody asked for: another size would compile again
+        keys = run_keys(key, chunk * size, (chunk + 1) * size)
+        inputs = draw_inputs(setup.experiment, truth, keys)
+        outcomes = {n: run_filter(setup.experiment, filters[n], inputs, shared[n], smooth=smooth) for n in names}
+        return {name: jax.tree.map(np.asarray, _outputs(setup, outcome)) for name, outcome in outcomes.items()}
+
+    collected = {name: _Collected(setup, num_runs) for name in filters}
+    done = _run_chunks(task, list(filters), -(-num_runs // size), workers, progress, collected, size)
+    finished = min(num_runs, done * size)
+    if not finished:
+        raise KeyboardInterrupt("Interrupted before the first chunk of runs was done.")
+    keeps = [i for i in kept if i < finished]
+    runs = {}
+    for name, f in filters.items():
+        tracks = _tracks(setup, truth, f, key, keeps, shared[name])
+        runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
+    return Comparison(setup.reference, runs, truth=repr(truth))
+
+
+def _run_chunks(
+    task: Callable[[int, Sequence[str]], dict[str, Any]],
+    names: list[str],
+    num_chunks: int,
+    workers: int,
+    progress: bool,
+    collected: dict[str, "_Collected"],
+    size: int,
+) -> int:
+    """Run all chunks; returns how many, from the first on, are complete."""
+    # Every filter compiles a program of its own: the first chunk goes filter by filter, so that they compile at once.
+    jobs = [(0, [name]) for name in names] + [(chunk, names) for chunk in range(1, num_chunks)]
+    complete = np.zeros((num_chunks, len(names)), dtype=bool)
+    bar = progress_bar(num_chunks * len(names) * size, "run", progress)
+    pool = ThreadPoolExecutor(workers)
+    waiting: dict[Future[dict[str, Any]], int] = {}
+    try:
+        for chunk, of in jobs:
+            waiting[pool.submit(task, chunk, of)] = chunk
+            if len(waiting) >= 2 * workers:
+                _collect(waiting, collected, complete, names, size, bar)
+        while waiting:
+            _collect(waiting, collected, complete, names, size, bar)
+    except KeyboardInterrupt:
+        for future in waiting:
+            future.cancel()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        bar.close()
+    whole = complete.all(axis=1)
+    return int(num_chunks if whole.all() else np.argmin(whole))
+
+
+def _collect(waiting: dict, collected: dict, complete: np.ndarray, names: list[str], size: int, bar: Any) -> None:
+    """Take in what is done, waiting for the first."""
+    for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+        chunk = waiting.pop(future)
+        for name, output in future.result().items():
+            collected[name].take(chunk * size, output)
+            complete[chunk, names.index(name)] = True
+            bar.update(size)
+
+
+def _chunk_size(num_runs: int, workers: int) -> int:
+    """The size with as many chunks for each thread, and as few runs as may be that only fill up the last."""
+    each = -(-num_runs // workers)
+    step, smallest = _SIZES.step, _SIZES[0]
+    if each <= smallest:
+        return -(-each // step) * step
+    return min(_SIZES, key=lambda size: (-(-each // size) * size, size))
+
+
+def _smoothed_at_once(setup: Setup, num_states: int, workers: int) -> int:
+    """Runs whose covariances and transitions a smoother can keep in memory."""
+    each = 2 * 8 * setup.schedule.pattern.shape[0] * num_states**2
+    return max(1, _SMOOTHER_BYTES // (each * workers))
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _outputs(setup: Setup, outcome: Any) -> tuple[Any, ...]:
+    """Of all segments those that end with an output, or with a fix."""
+    at = setup.output_segments
+    judged = jax.tree.map(lambda a: a[at], outcome.judgement)
+    return (*judged, outcome.innovation, outcome.variance, outcome.status)
+
+
+class _Collected:
+    """The arrays of one filter's runs, filled chunk by chunk: nothing is copied twice."""
+
+    def __init__(self, setup: Setup, num_runs: int):
+        E, self.setup, self.num_runs = len(setup.output_times), setup, num_runs
+        self.error = np.empty((num_runs, E, len(COMPONENTS)))
+        self.sd = np.empty_like(self.error)
+        self.position_covariance = np.empty((num_runs, E, 3, 3))
+        self.nees = {group: np.empty((num_runs, E)) for group in GROUPS}
+        self.status = np.empty(num_runs, dtype=np.int64)
+        self.sizes = [len(s.axes) for s in setup.aiding]
+        fixes = [len(s) for s in setup.fix_segments]
+        self.innovation = [np.empty((num_runs, F, K)) for F, K in zip(fixes, self.sizes, strict=True)]
+        self.nis = [np.empty((num_runs, F)) for F in fixes]
+
+    def take(self, first: int, output: Any) -> None:
+        """Put a chunk in its place; runs are its last axis."""
+        error, sd, covariance, nees, innovation, variance, status = output
+        count = min(error.shape[-1], self.num_runs - first)
+        to = slice(first, first + count)
+        self.error[to] = np.moveaxis(error, -1, 0)[:count]
+        # what all runs share has a last axis of one
+        self.sd[to] = np.moveaxis(sd, -1, 0)[:count]
+        self.position_covariance[to] = np.moveaxis(covariance, -1, 0)[:count]
+        for i, group in enumerate(GROUPS):
+            self.nees[group][to] = nees[:, i, :count].T
+        self.status[to] = status[:count]
+        at = 0
+        for i, (K, segments) in enumerate(zip(self.sizes, self.setup.fix_segments, strict=True)):
+            nu, s = innovation[segments, at : at + K], variance[segments, at : at + K]
+            self.innovation[i][to] = np.moveaxis(nu, -1, 0)[:count]
+            self.nis[i][to] = (nu**2 / s).sum(axis=1).T[:count]
+            at += K
+
+    def runs(
+        self,
+        name: str,
+        believed: ImuErrors,
+        truth: ImuErrors | RecordedErrors,
+        count: int,
+        num_requested: int,
+        tracks: dict[int, Track],
+        *,
+        smooth: bool,
+    ) -> Runs:
+        """The result of the first `count` runs."""
+        states = {s.channel for s in believed.bank().states}
+        dof = {"position": 3, "velocity": 3, "attitude": 3, "pose": 6, "navigation": 9, "sensors": len(states)}
+        notes = list(believed.notes())
+        if smooth:
+            notes.append("Errors are those of the smoother, from all measurements of a run; innovations the filter's.")
+        error, sd = self.error[:count], self.sd[:count]
+        if isinstance(truth, RecordedErrors):
+            error[..., 9:], sd[..., 9:] = 0.0, 0.0
+            dof["sensors"] = 0
+            notes.append("The errors are a recording, whose states nobody knows: nothing is said of the sensor states.")
+        groups = [g for g in GROUPS if dof[g]]
+        failed = self.status[:count] != Status.ok
+        arrays = [error, sd, self.position_covariance, *self.nees.values(), *self.innovation, *self.nis]
+        for a in arrays:
+            a[:count][failed] = np.nan
+        names = [s.name for s in self.setup.aiding]
+        return Runs(
+            name=name,
+            time=self.setup.output_times,
+            error=error,
+            sd=sd,
+            position_covariance=self.position_covariance[:count],
+            nees={g: self.nees[g][:count] for g in groups},
+            dof={g: dof[g] for g in groups},
+            status=self.status[:count],
+            nis={n: a[:count] for n, a in zip(names, self.nis, strict=True)},
+            nis_time=dict(zip(names, self.setup.fix_times, strict=True)),
+            nis_dof=dict(zip(names, self.sizes, strict=True)),
+            innovation={n: a[:count] for n, a in zip(names, self.innovation, strict=True)},
+            outages=self.setup.outages,
+            notes=tuple(notes),
+            tracks=tracks,
+            num_requested=num_requested,
+        )
+
+
+def _tracks(setup: Setup, truth: Any, believed: ImuErrors, key: Any, kept: list[int], gains: Any) -> dict[int, Track]:
+    """The whole trajectory of some runs, by running them again."""
+    if not kept:
+        return {}
+    keys = jax.vmap(lambda i: jax.random.fold_in(key, i))(np.array(kept, dtype=np.uint32))
+    inputs = draw_inputs(setup.experiment, truth, keys)
+    trace = run_filter(setup.experiment, believed, inputs, gains, trace=True).trace
+    length = setup.schedule.dt.sum(axis=1)[setup.schedule.pattern].ravel()
+    real = np.flatnonzero(length > 0)
+    time = setup.reference.time[0] + np.cumsum(length)[real]
+    p, v, q = (np.moveaxis(np.asarray(a).reshape(-1, *a.shape[2:])[real], -1, 0) for a in trace[:3])
+    return {i: Track(time, p[k], v[k], q[k]) for k, i in enumerate(kept)}

@@ -1,0 +1,167 @@
+"""Several filter models on the same runs: ranked, drawn, and written to disk."""
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nav_jax.simulation._dataset import join_models, runs_to_dataset
+from nav_jax.simulation._store import read_dataset, write_dataset
+from nav_jax.simulation.ranking import Ranking, common_runs, rank
+from nav_jax.simulation.runs import Runs
+from nav_jax.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+COMPARISON_KIND = "nav_jax comparison"
+
+_REFERENCE = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternion": ("quaternion", "1")}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison:
+    """Filter models on common random numbers: run i of each model has the same truth and the same noise.
+
+    Attributes
+    ----------
+    reference
+        The trajectory that all runs follow.
+    runs
+        By name of the model. Epochs and fixes are the same; an interrupted model may have fewer runs.
+    truth
+        What the sensors' errors were drawn from, in words.
+
+    Raises
+    ------
+    ValueError
+        No model, or models with different epochs or fixes.
+    """
+
+    reference: Trajectory
+    runs: Mapping[str, Runs]
+    truth: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.runs:
+            raise ValueError("A comparison takes one model or more, and has none.")
+        named = {name: r if r.name == name else replace(r, name=name) for name, r in self.runs.items()}
+        object.__setattr__(self, "runs", named)
+        first, *others = named.values()
+        for other in others:
+            if not np.array_equal(first.time, other.time):
+                raise ValueError(f"{first.name} and {other.name} have different epochs: run them along one time.")
+            for sensor in first.nis_time.keys() & other.nis_time.keys():
+                if not np.array_equal(first.nis_time[sensor], other.nis_time[sensor]):
+                    raise ValueError(f"{first.name} and {other.name} have different fixes of {sensor}.")
+
+    def __getitem__(self, model: str) -> Runs:
+        if model not in self.runs:
+            raise KeyError(f"No model {model!r}; there are {', '.join(self.runs)}.")
+        return self.runs[model]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.runs)
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    @cached_property
+    def num_common(self) -> int:
+        """Runs in which no model failed; a model that has fewer than two good runs does not count."""
+        return len(common_runs(self.runs))
+
+    def epoch(self, at: float | None = None) -> int:
+        """Number of the epoch at which models are judged, see `Runs.epoch`."""
+        return next(iter(self.runs.values())).epoch(at)
+
+    def table(self, at: float | None = None, level: float = 0.95) -> Ranking:
+        """The models from the best mean position error on, with what may be said of the differences.
+
+        Parameters
+        ----------
+        at
+            Time in s; the end of the last outage by default, or of the runs if there is none.
+        level
+            Of bands, intervals and coverage.
+
+        Raises
+        ------
+        ValueError
+            Fewer than two common runs, or a time outside the runs.
+        """
+        return rank(self.runs, self.epoch(at), level)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.runs)
+        lines = [f"Comparison of {names} along {self.reference.name or 'a trajectory'}"]
+        if self.truth:
+            lines.append(f"truth: {self.truth}")
+        counts = {name: r.counts() for name, r in self.runs.items()}
+        if len(set(counts.values())) == 1:
+            lines.append(f"each model: {next(iter(counts.values()))}")
+        else:
+            lines += [f"{name}: {count}" for name, count in counts.items()]
+        if outages := sorted({i for r in self.runs.values() for i in r.outage_intervals}):
+            lines.append(f"outages: {', '.join(f'{a:g} .. {b:g} s' for a, b in outages)}")
+        notes: dict[str, list[str]] = {}
+        for name, r in self.runs.items():
+            for note in r.notes:
+                notes.setdefault(note, []).append(name)
+        few = "No ranking: it takes 2 or more runs in which no model failed."
+        lines += ["", repr(self.table()) if self.num_common >= 2 else few]
+        lines += [f"note on {', '.join(of)}: {note}" for note, of in notes.items()]
+        return "\n".join(lines)
+
+    # -- as others want it ------------------------------------------------------------------------------------------
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All of it as a Dataset (model, run, time, component) with the reference; `load` reads it back from disk.
+
+        Runs and states that one model lacks are NaN there, and its `status` of such runs is -1.
+        """
+        joined = join_models([runs_to_dataset(r) for r in self.runs.values()])
+        ref = self.reference
+        joined = joined.assign_coords(reference_time=("reference_time", ref.time, {"units": "s"}))
+        for name, (last, unit) in _REFERENCE.items():
+            joined[f"reference_{name}"] = (("reference_time", last), getattr(ref, name), {"units": unit})
+        return joined.assign_attrs(kind=COMPARISON_KIND, truth=self.truth, reference=ref.name)
+
+    @classmethod
+    def from_xarray(cls, dataset: "xarray.Dataset") -> "Comparison":
+        """What `to_xarray` made."""
+        try:
+            names = [str(name) for name in dataset["model"].values]
+            arrays = {name: dataset[f"reference_{name}"].values for name in ("time", *_REFERENCE)}
+            reference = Trajectory(**arrays, name=dataset.attrs["reference"])
+            truth = dataset.attrs["truth"]
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"This Dataset is not one that Comparison.to_xarray made: {error}.") from error
+        runs = {name: Runs.from_xarray(dataset.isel(model=i)) for i, name in enumerate(names)}
+        return cls(reference, runs, truth)
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """Write to a folder ``*.zarr`` or a file ``*.nc``, whole or not at all.
+
+        Parameters
+        ----------
+        path
+            A former result there is replaced.
+        """
+        return write_dataset(self.to_xarray(), path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> "Comparison":
+        """Read what `save` wrote; a ValueError if it is corrupt or something else."""
+        return cls.from_xarray(read_dataset(path, COMPARISON_KIND))
+
+    def plot(self, **options: Any) -> "Figure":
+        """Errors, consistency and energy score of all models, see `nav_jax.plotting.comparison.plot_comparison`."""
+        from nav_jax.plotting.comparison import plot_comparison
+
+        return plot_comparison(self, **options)

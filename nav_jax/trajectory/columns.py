@@ -1,0 +1,256 @@
+"""Which column of a source is which quantity of a trajectory or a record, and in which unit."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gmwm_jax._internal.nav_checks import real_array
+from gmwm_jax._internal.nav_columns import Columns, plain
+from nav_jax.kinematics.earth import STANDARD_GRAVITY
+
+POSITION = {"ned": ("north", "east", "down"), "geodetic": ("latitude", "longitude", "height")}
+ATTITUDE = ("roll", "pitch", "yaw")
+VELOCITY = ("velocity_north", "velocity_east", "velocity_down")
+GYRO = ("gyro_x", "gyro_y", "gyro_z")
+ACCEL = ("accel_x", "accel_y", "accel_z")
+_TRAJECTORY = ("time", *POSITION["ned"], *POSITION["geodetic"], *ATTITUDE, *VELOCITY)
+
+_ALIASES = {
+    "time": "t time timestamp",
+    "north": "north n x_n pos_n p_n position_north",
+    "east": "east e x_e pos_e p_e position_east",
+    "down": "down d x_d pos_d p_d position_down",
+    "latitude": "latitude lat",
+    "longitude": "longitude lon long lng",
+    "height": "height alt altitude h ellipsoidal_height",
+    "roll": "roll",
+    "pitch": "pitch",
+    "yaw": "yaw heading",
+    "velocity_north": "velocity_north vel_n v_n vn vel_north v_north",
+    "velocity_east": "velocity_east vel_e v_e ve vel_east v_east",
+    "velocity_down": "velocity_down vel_d v_d vd vel_down v_down",
+    **{f"gyro_{axis}": f"gyro_{axis} gyr_{axis} gyroscope_{axis} omega_{axis} w_{axis}" for axis in "xyz"},
+    **{f"accel_{axis}": f"accel_{axis} acc_{axis} accelerometer_{axis} f_{axis}" for axis in "xyz"},
+}
+"""Quantity -> plain names by which it is known, without the unit."""
+
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+_ANGLES = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "deg": np.pi / 180, "degree": np.pi / 180, "degrees": np.pi / 180}
+_ANGLES |= {"degrees_north": np.pi / 180, "degrees_east": np.pi / 180}
+_UNITS = {
+    "time": _TIME_UNITS | {"sec": 1.0, "seconds": 1.0},
+    **{name: _ANGLES for name in ("latitude", "longitude", *ATTITUDE)},
+    **{name: {"m": 1.0, "km": 1e3} for name in (*POSITION["ned"], "height")},
+    **{name: {"m_s": 1.0, "mps": 1.0, "m_s_1": 1.0, "km_h": 1 / 3.6} for name in VELOCITY},
+    **{name: {"rad_s": 1.0, "deg_s": np.pi / 180, "deg_h": np.pi / 180 / 3600} for name in GYRO},
+    **{name: {"m_s_2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY} for name in ACCEL},
+}
+"""Quantity -> unit as it follows a name (``yaw_deg``), or as an attribute of xarray made plain -> factor to SI."""
+
+
+class Reader:
+    """The columns of a trajectory in SI.
+
+    Parameters
+    ----------
+    table
+        The source.
+    numbers
+        Quantity -> number of its column.
+    angles, time_unit
+        What the caller states, see `nav_jax.trajectory.files.read_trajectory`.
+
+    Raises
+    ------
+    ValueError
+        A unit that is unknown, not stated, or stated twice differently; values that are no finite numbers.
+    """
+
+    def __init__(self, table: Columns, numbers: Mapping[str, int], angles: Any, time_unit: str | None):
+        self.table, self.numbers, self.time_unit = table, numbers, time_unit
+        by_kind = angles if isinstance(angles, Mapping) else {"position": angles, "attitude": angles}
+        if not set(by_kind) <= {"position", "attitude"}:
+            raise ValueError(f'angles has the keys "position" and "attitude", and these are {list(by_kind)}.')
+        kinds = {"position": ("latitude", "longitude"), "attitude": ATTITUDE}
+        self.angles: dict[str, str | None] = {q: by_kind.get(kind) for kind, qs in kinds.items() for q in qs}
+        for unit in filter(None, self.angles.values()):
+            if unit not in ("rad", "deg"):
+                raise ValueError(f'angles is "rad" or "deg", and is {unit!r}.')
+
+    def time(self) -> np.ndarray:
+        """Seconds."""
+        values = self._column("time")
+        if values.dtype.kind == "M":
+            return (values - values[:1]) / np.timedelta64(1, "s")
+        if values.dtype.kind == "m":
+            return values / np.timedelta64(1, "s")
+        stated = self._stated("time")
+        if self.time_unit is not None and self.time_unit not in _TIME_UNITS:
+            raise ValueError(f"Unknown unit of time {self.time_unit!r}; it is one of: {', '.join(_TIME_UNITS)}.")
+        unit = self._agreed("time", stated, self.time_unit, "time_unit") or "s"
+        return real_array("The column of time", values, (None,)) * _UNITS["time"][unit]
+
+    def three(self, names: Sequence[str]) -> np.ndarray:
+        """Columns side by side, (N, 3)."""
+        return np.stack([self._si(name) for name in names], axis=1)
+
+    def sensor(self, names: Sequence[str], unit: str | None, argument: str) -> np.ndarray:
+        """The three axes of an inertial sensor side by side, (N, 3), in a unit that is stated here or by the source."""
+        known = _UNITS[names[0]]
+        if unit is not None and plain(unit) not in known:
+            raise ValueError(f"{argument} is one of {', '.join(known)}, and is {unit!r}.")
+        columns = []
+        for name in names:
+            agreed = self._agreed(name, self._stated(name), None if unit is None else plain(unit), argument)
+            if agreed is None:
+                raise ValueError(f"The unit of {name} is not stated: give {argument}. It is never guessed.")
+            columns.append(known[agreed] * real_array(f"The column of {name}", self._column(name), (None,)))
+        return np.stack(columns, axis=1)
+
+    def _si(self, name: str) -> np.ndarray:
+        values = real_array(f"The column of {name}", self._column(name), (None,))
+        unit = self._stated(name)
+        if _UNITS[name] is not _ANGLES:
+            return values * (_UNITS[name][unit] if unit else 1.0)
+        unit = self._agreed(name, unit, self.angles[name] or self.table.angles, "angles")
+        if unit is None:
+            raise ValueError(
+                f'The unit of {name} is not stated: give angles="rad" or angles="deg", or for both kinds of angles as '
+                'in {"position": "deg", "attitude": "rad"}. It is never guessed.'
+            )
+        if _ANGLES[unit] == 1.0 and np.abs(values).max(initial=0.0) > 4 * np.pi and name in ("roll", "pitch"):
+            raise ValueError(f"The {name} reaches {np.abs(values).max():.4g}, which is no angle in rad but one in deg.")
+        return values * _ANGLES[unit]
+
+    def _column(self, name: str) -> np.ndarray:
+        return self.table.data[self.numbers[name]]
+
+    def _stated(self, quantity: str) -> str | None:
+        """The unit that the source states for a quantity, by an attribute or behind its name."""
+        if self.table.names is None:
+            return None
+        name = self.table.names[self.numbers[quantity]]
+        known = _UNITS[quantity]
+        if name in self.table.units:
+            unit = plain(self.table.units[name])
+            if unit not in known:
+                raise ValueError(f"The unit of {name} is {self.table.units[name]!r}; known are: {', '.join(known)}.")
+            return unit
+        return _split(quantity, plain(name))[1]
+
+    @staticmethod
+    def _agreed(name: str, stated: str | None, given: str | None, argument: str) -> str | None:
+        if stated and given and _UNITS[name][stated] != _UNITS[name][given]:
+            raise ValueError(f"{argument} says that {name} is in {given}, and the source says {stated}.")
+        return stated or given
+
+
+def _split(quantity: str, name: str) -> tuple[str, str | None]:
+    """Divide a plain name into that of a quantity and its unit."""
+    for unit in _UNITS[quantity]:
+        if name.endswith(f"_{unit}"):
+            return name.removesuffix(f"_{unit}"), unit
+    return name, None
+
+
+def choose(table: Columns, position: str | None, columns: Any) -> tuple[str, dict[str, int]]:
+    """Return the kind of position, and the number of the column of each quantity.
+
+    Raises
+    ------
+    ValueError
+        The kind is not stated, or twice differently; a column is missing, or two may be the same quantity.
+    """
+    if position is not None and position not in POSITION:
+        raise ValueError(f'position is "ned" or "geodetic", and is {position!r}.')
+    if position and table.position and position != table.position:
+        raise ValueError(f"position={position!r} was given, and the file says {table.position!r}.")
+    system = position or table.position
+    found = _found(table, columns if isinstance(columns, Mapping) else {}, _TRAJECTORY)
+    if system is None:
+        fits = [kind for kind, names in POSITION.items() if set(names) <= set(found)]
+        if len(fits) != 1:
+            raise ValueError(
+                'The kind of position is not stated: give position="ned" (north, east, down in m) or "geodetic" '
+                f"(latitude, longitude, height). {_seen(table)}"
+            )
+        system = fits[0]
+    order = ("time", *POSITION[system], *ATTITUDE, *VELOCITY)
+    if columns is None and table.names is None:
+        columns = range(len(table.data))
+    if columns is not None and not isinstance(columns, Mapping):
+        picked = [_number_of(table, column) for column in columns]
+        if len(picked) not in (7, 10):
+            raise ValueError(
+                "The columns are time, three of position, roll, pitch, yaw, and perhaps three of velocity: 7 or 10, "
+                f"and there are {len(picked)}. Pick them by columns=..."
+            )
+        return system, dict(zip(order, picked, strict=False))
+    missing = [q for q in order[:7] if q not in found]
+    if missing:
+        raise ValueError(
+            f"No column is found for {', '.join(missing)}: name them as in columns={{{missing[0]!r}: ...}}. "
+            f"{_seen(table)}"
+        )
+    velocity = [q for q in VELOCITY if q in found]
+    return system, {q: found[q] for q in (*order[:7], *(velocity if len(velocity) == 3 else ()))}
+
+
+def pick(table: Columns, wanted: Sequence[str], columns: Mapping[str, int | str] | None = None) -> dict[str, int]:
+    """Return the number of the column of each quantity: as told, by name, or in this order where there are no names.
+
+    Raises
+    ------
+    ValueError
+        A column is missing, or two may be the same quantity.
+    """
+    if table.names is None and columns is None:
+        if len(table.data) != len(wanted):
+            raise ValueError(f"The columns are {', '.join(wanted)}, and there are {len(table.data)}, without names.")
+        return {quantity: i for i, quantity in enumerate(wanted)}
+    found = _found(table, columns or {}, wanted)
+    if missing := [q for q in wanted if q not in found]:
+        raise ValueError(
+            f"No column is found for {', '.join(missing)}: name them as in columns={{{missing[0]!r}: ...}}. "
+            f"{_seen(table)}"
+        )
+    return found
+
+
+def _found(table: Columns, columns: Mapping[str, int | str], wanted: Sequence[str]) -> dict[str, int]:
+    """Columns of the quantities that are there."""
+    if unknown := [key for key in columns if key not in wanted]:
+        raise ValueError(f"columns names {', '.join(unknown)}; the quantities are: {', '.join(wanted)}.")
+    told = {key: _number_of(table, column) for key, column in columns.items()}
+    return (_by_name(table.names, [q for q in wanted if q not in told]) if table.names else {}) | told
+
+
+def _by_name(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for i, name in enumerate(names):
+        for quantity in wanted:
+            short, unit = _split(quantity, plain(name))
+            aliases = _ALIASES[quantity].split()
+            if short in aliases or (unit and plain(name) in aliases):
+                if quantity in found:
+                    raise ValueError(
+                        f"Both {names[found[quantity]]!r} and {name!r} may be the {quantity}: pick one as in "
+                        f"columns={{{quantity!r}: {name!r}}}."
+                    )
+                found[quantity] = i
+    return found
+
+
+def _number_of(table: Columns, column: int | str) -> int:
+    if isinstance(column, str):
+        if table.names is not None and column in table.names:
+            return table.names.index(column)
+    elif 0 <= column < len(table.data):
+        return int(column)
+    raise ValueError(f"There is no column {column!r}. {_seen(table)}")
+
+
+def _seen(table: Columns) -> str:
+    names = "without names" if table.names is None else ", ".join(table.names)
+    return f"The source has {len(table.data)} columns: {names}."

@@ -1,0 +1,168 @@
+"""Trajectories from files, tables and arrays, and back."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.nav_checks import real_array, require_x64
+from gmwm_jax._internal.nav_columns import open_source
+from gmwm_jax._internal.nav_typing import Real
+from nav_jax.kinematics import rotation
+from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
+from nav_jax.trajectory.columns import ATTITUDE, POSITION, VELOCITY, Reader, choose
+from nav_jax.trajectory.trajectory import Trajectory
+
+_SAVED = {
+    "time": "time_s",
+    **{name: f"{name}_m" for name in POSITION["ned"]},
+    **{name: f"{name}_rad" for name in ATTITUDE},
+    **{name: f"{name}_m_s" for name in VELOCITY},
+}
+
+
+def read_trajectory(
+    source: Any,
+    *,
+    position: str | None = None,
+    angles: str | Mapping[str, str] | None = None,
+    columns: Sequence[int | str] | Mapping[str, int | str] | None = None,
+    time_unit: str | None = None,
+    origin: Sequence[Real] | np.ndarray | None = None,
+    delimiter: str | None = None,
+    variable: str | None = None,
+    name: str | None = None,
+) -> Trajectory:
+    """Read a trajectory from a file, an array, a mapping, a DataFrame or an xarray Dataset.
+
+    Files are ``.csv .tsv .txt .dat .npy .npz .parquet .rda .rdata .nc``. The columns are time, three of position, roll,
+    pitch, yaw, and perhaps three of velocity. They are found by their names (``time``, ``north`` or ``x_N``, ``lat``,
+    ``yaw``, ``v_n`` ..., also with a unit behind: ``yaw_deg``), or, without names, by the order just said. Units come
+    from the names, from the ``units`` of xarray, or from the arguments, and are never guessed. Without velocities they
+    are derived from the positions. Yaw may be wrapped or not.
+
+    Geodetic positions become north, east, down in the tangent frame at `origin`; velocity and attitude, which refer to
+    the north and the vertical of each point, are turned into the same frame.
+
+    Parameters
+    ----------
+    source
+        Path or table.
+    position
+        ``"ned"`` (north, east, down in m) or ``"geodetic"`` (latitude, longitude, ellipsoidal height in m, WGS-84);
+        needed unless the names say it.
+    angles
+        ``"rad"`` or ``"deg"`` for all angles, or ``{"position": ..., "attitude": ...}``; needed for those whose names
+        do not say it.
+    columns
+        Which columns to use, by name or number: in the order said above (7 or 10), or as in ``{"yaw": "heading"}`` for
+        those that are not found by their names.
+    time_unit
+        ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another. Timestamps need none:
+        they become seconds since the first.
+    origin
+        Latitude, longitude (rad) and height (m) of the origin; the first point unless given.
+    delimiter
+        Of a text file; found unless given.
+    variable
+        The object to read, where an ``.npz`` or R file holds several.
+    name
+        Of the trajectory; the name of the file unless given.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file.
+    ImportError
+        The format needs the extra ``io``.
+    ValueError
+        A corrupt file; a column that is missing or no number; a unit or frame that is not stated, or stated twice
+        differently; values that make no trajectory.
+    """
+    require_x64()
+    is_file = isinstance(source, str | os.PathLike)
+    try:
+        table = open_source(source, delimiter, variable)
+        system, numbers = choose(table, position, columns)
+        read = Reader(table, numbers, angles, time_unit)
+        time = read.time()
+        p, euler = read.three(POSITION[system]), read.three(ATTITUDE)
+        v = read.three(VELOCITY) if VELOCITY[0] in numbers else None
+        title = (Path(source).stem if is_file else "") if name is None else name
+        return _assemble(time, p, euler, v, system, origin, title)
+    except ValueError as error:
+        if not is_file:
+            raise
+        raise ValueError(f"{source}: {error}") from error
+
+
+def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> Path:
+    """Write a trajectory to an ``.npz`` or ``.csv`` file that `read_trajectory` reads without further arguments.
+
+    The columns are called ``time_s``, ``north_m``, ``roll_rad``, ``velocity_north_m_s`` and so on, so that others can
+    read them too. The file appears whole or not at all.
+
+    Returns
+    -------
+    `path`.
+
+    Raises
+    ------
+    ValueError
+        The path ends in neither.
+    """
+    file = Path(path)
+    parts = (trajectory.time[:, None], trajectory.position, trajectory.euler, trajectory.velocity)
+    table = np.concatenate(parts, axis=1)
+    names = list(_SAVED.values())
+    if file.suffix.lower() == ".npz":
+        arrays: Any = dict(zip(names, table.T, strict=True))
+        return write_atomically(file, lambda stream: np.savez(stream, **arrays))
+    if file.suffix.lower() == ".csv":
+        header = ",".join(names)
+        return write_atomically(
+            file, lambda stream: np.savetxt(stream, table, "%.17g", ",", header=header, comments="")
+        )
+    raise ValueError(f"Trajectories are saved as .npz or .csv, and the path is {file}.")
+
+
+def to_geodetic(trajectory: Trajectory, origin: Sequence[Real] | np.ndarray) -> np.ndarray:
+    """Latitude, longitude (rad) and height (m) on WGS-84 of the positions, shape (N+1, 3).
+
+    Parameters
+    ----------
+    trajectory
+        In the tangent frame at `origin`.
+    origin
+        Latitude, longitude (rad) and height (m).
+    """
+    return geodetic_from_ned(trajectory.position, _origin(origin))
+
+
+def _origin(origin: Sequence[Real] | np.ndarray) -> np.ndarray:
+    point = real_array("The origin (latitude, longitude in rad, height in m)", origin, (3,))
+    if abs(point[0]) > np.pi / 2 or abs(point[1]) > 2 * np.pi:
+        raise ValueError(f"The origin is latitude and longitude in rad and height in m, and is {point.tolist()}.")
+    return point
+
+
+def _assemble(time, p, euler, v, system: str, origin: Sequence[Real] | np.ndarray | None, name: str) -> Trajectory:
+    if system == "ned":
+        if origin is not None:
+            raise ValueError("An origin belongs to geodetic positions, and these are north, east, down.")
+        return Trajectory.from_euler(time, p, euler, velocity=v, name=name)
+    if len(p) and np.abs(p[:, 0]).max() > np.pi / 2:
+        raise ValueError(f"Latitudes reach {np.abs(p[:, 0]).max():.6g} rad, more than pi/2: are they in deg?")
+    centre = _origin(p[0] if origin is None else origin)
+    # from the local frame of each point to that of the origin
+    turn = dcm_ned_from_ecef(centre[0], centre[1]) @ dcm_ned_from_ecef(p[:, 0], p[:, 1]).transpose(0, 2, 1)
+    q = rotation.quat_multiply(
+        rotation.quat_from_dcm(jnp.asarray(turn.transpose(1, 2, 0))), rotation.quat_from_euler(jnp.asarray(euler.T))
+    )
+    velocity = None if v is None else np.einsum("kij,kj->ki", turn, v)
+    ned = ned_from_geodetic(p, centre)
+    return Trajectory.from_quaternion(time, ned, np.asarray(q).T, velocity=velocity, name=name)

@@ -1,0 +1,206 @@
+"""The parametric bootstrap: its replicates against theory and against full fits, its intervals by coverage."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from helpers import SIGMAS, assert_covariance, assert_mean
+
+import gmwm_jax as gj
+from gmwm_jax.fitting.refit import refit
+from gmwm_jax.inference import bootstrapping as module
+from gmwm_jax.variance.replicates import variance_draws
+
+TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
+NUM_SAMPLES = 20_000
+
+
+def as_channels(wv, variances):
+    """Wavelet variances (B, J) as channels, with the relative intervals of another."""
+    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
+    names = tuple(str(i) for i in range(len(variances)))
+    columns = (variances.T, (variances * low).T, (variances * high).T)
+    return gj.WaveletVariance(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances))
+
+
+@pytest.fixture(scope="module")
+def wv():
+    x = gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(5))
+    return gj.wavelet_variance(np.asarray(x), rate=100.0)
+
+
+@pytest.fixture(scope="module")
+def fit(wv):
+    return gj.fit(wv, "WN + GM", omega="two-step")
+
+
+@pytest.fixture(scope="module")
+def boot(fit):
+    return gj.bootstrap(fit, 1000, key=jax.random.key(6))
+
+
+def test_variances_are_drawn_from_their_theory(fit):
+    """Means and variances exactly, correlations as far as a Gaussian copula keeps them: to 0.05."""
+    keys = jax.random.split(jax.random.key(1), 20_000)
+    nu, V = variance_draws(fit.fitted, fit.wv_covariance)(keys), fit.wv_covariance
+    assert_mean(nu, fit.fitted)
+    assert_covariance(nu, nu, np.diag(V), mean_a=fit.fitted, mean_b=fit.fitted)
+    sd = np.sqrt(np.diag(V))
+    assert np.abs(np.corrcoef(nu, rowvar=False) - V / np.outer(sd, sd)).max() < 0.05
+    assert nu.min() > 0
+
+
+@pytest.mark.parametrize("omega", [None, "two-step", "covariance"])
+def test_a_refit_is_a_fit(wv, omega):
+    """The same minimum as a global search of each replicate, with weights of the same kind."""
+    first = gj.fit(wv, "WN + GM", omega=omega)
+    nu = gj.bootstrap(first, 10, key=jax.random.key(2)).variances
+    ours = refit(first, nu, chunk_size=16)
+    given = first.omega if omega == "covariance" else omega
+    for b, f in enumerate(gj.fit(as_channels(wv, nu), "WN + GM", omega=given).values()):
+        assert ours.objective[b] == pytest.approx(f.objective, rel=1e-6)
+        np.testing.assert_allclose(ours.values[b], [float(v) for p in f.model.processes for v in p.values], rtol=1e-4)
+    assert ours.converged.all()
+
+
+def test_components_keep_their_places():
+    """Order of the user, from fast to slow; what is held stays."""
+    truth = gj.parse_model(
+        "RW(gamma2=1e-6) + GM(beta=0.5, variance=1.0) + GM(beta=0.005, variance=0.5) + WN(sigma2=1.0)"
+    )
+    x = gj.simulate(truth, 100_000, key=jax.random.key(3))
+    held = gj.RW(gj.Fixed(1e-6)) + 2 * gj.GM() + gj.WN()
+    boot = gj.bootstrap(gj.fit(gj.wavelet_variance(np.asarray(x)), held), 20, key=jax.random.key(4))
+    assert boot.names == ("RW gamma2", "GM_1 beta", "GM_1 variance", "GM_2 beta", "GM_2 variance", "WN sigma2")
+    np.testing.assert_allclose(boot.values[:, 0], 1e-6)
+    median = np.median(boot.values, axis=0)
+    np.testing.assert_allclose(np.log(median[1:]), np.log([0.5, 1.0, 0.005, 0.5, 1.0]), atol=0.5)
+
+
+@pytest.mark.slow
+def test_both_routes_and_theory_agree(fit, boot):
+    """Standard deviations of the logs, 4.5 sigma of those of 200 and of 1000 draws; and the means."""
+    records = gj.bootstrap(fit, 200, key=jax.random.key(7), route="records")
+    assert records.num_failed == boot.num_failed == 0
+    fast, slow = np.log(boot.good), np.log(records.good)
+    theory = np.sqrt(np.diag(fit.covariance))
+    np.testing.assert_allclose(
+        np.log(slow.std(axis=0) / fast.std(axis=0)), 0, atol=SIGMAS * np.sqrt(0.5 / 200 + 0.5 / 1000)
+    )
+    np.testing.assert_allclose(np.log(fast.std(axis=0) / theory), 0, atol=SIGMAS * np.sqrt(0.5 / 1000))
+    off = (slow.mean(axis=0) - fast.mean(axis=0)) / np.sqrt(slow.var(axis=0) / 200 + fast.var(axis=0) / 1000)
+    assert np.abs(off).max() < SIGMAS
+    assert_mean(records.variances, fit.fitted)
+
+
+@pytest.mark.slow
+def test_intervals_cover_and_the_test_has_its_size():
+    """200 data sets: 90 % intervals of each kind hold the truth, p below 10 % in 10 %, within 4.5 binomial sigmas.
+
+    The data sets are wavelet variances drawn from theory under the truth; records are compared in another test.
+    """
+    num, level = 200, 0.9
+    exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
+    first = gj.fit(exact, "WN + GM", omega="two-step")
+    true = replace(first, model=TRUTH)
+    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(9), num))
+    fits = gj.fit(as_channels(exact, nu), "WN + GM", omega="two-step")
+    inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
+    truth = np.array([1.0, 0.03, 0.2])
+    for i, f in enumerate(fits.values()):
+        boot = gj.bootstrap(f, 100, key=jax.random.fold_in(jax.random.key(10), i))
+        small += boot.p_value < 0.1
+        for kind in inside:
+            low, high = boot.interval(kind, level)
+            inside[kind] += (low < truth) & (truth < high)
+    band = SIGMAS * np.sqrt(level * (1 - level) / num)
+    for counts in inside.values():
+        assert np.abs(counts / num - level).max() < band
+    assert abs(small / num - 0.1) < band
+
+
+def test_a_wrong_model_is_found(wv):
+    assert gj.bootstrap(gj.fit(wv, "WN"), 300, key=jax.random.key(1)).p_value < 0.02
+    assert gj.bootstrap(gj.fit(wv, "WN + GM"), 300, key=jax.random.key(1)).p_value > 0.02
+
+
+def test_tables(fit, boot):
+    """Intervals of functions of one parameter are the functions of its interval; kinds are mirrored and scaled."""
+    low, high = boot.interval()
+    sample, filters = boot.parameters(), boot.continuous()
+    assert sample["GM", "beta"].ci_low == low[1]
+    assert filters["GM", "beta"].ci_high == pytest.approx(100 * high[1], rel=1e-9)
+    assert boot.datasheet()["WN", "N"].ci_low == pytest.approx(np.sqrt(low[0] / 100), rel=1e-9)
+    estimate = np.array([e.value for e in sample])
+    np.testing.assert_allclose(boot.interval("basic")[0], estimate**2 / high, rtol=1e-9)
+    narrow, wide = boot.interval(level=0.5), boot.interval(level=0.98)
+    assert np.all((wide[0] < narrow[0]) & (narrow[1] < wide[1]))
+    # nearly normal on the log scale: all kinds are near that of theory
+    theory = fit.parameters()
+    for kind in ("percentile", "basic", "studentised"):
+        for e in boot.parameters(kind):
+            t = theory[e.component, e.symbol]
+            width = np.log(t.ci_high / t.ci_low)
+            assert abs(np.log(e.ci_high / t.ci_high)) < 0.2 * width
+            assert abs(np.log(e.ci_low / t.ci_low)) < 0.2 * width
+    assert "1000 replicates by variances" in repr(boot)
+    assert "percentile intervals from 1000 replicates" in repr(boot)
+    assert boot.correlation.shape == (3, 3)
+    np.testing.assert_allclose(np.diag(boot.correlation), 1.0)
+
+
+def test_a_component_at_zero_has_an_upper_end(wv):
+    """Drift is not in the data: the interval starts at zero, and what cannot be had is not printed."""
+    boot = gj.bootstrap(gj.fit(wv, "WN + GM + DR"), 250, key=jax.random.key(1))
+    e = boot.parameters()["DR", "omega"]
+    assert e.ci_low == 0
+    assert 0 < e.ci_high < 1e-4
+
+
+def test_figure(boot):
+    figure = boot.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == [
+        "WN sigma2 [(1)^2]", "GM beta [1/sample]", "GM variance [(1)^2]"
+    ]  # fmt: skip
+    labels = {text.get_text() for text in figure.axes[1].get_legend().get_texts()}
+    assert labels == {"replicates", "estimate", "95 % percentile", "95 % theory"}
+
+
+def test_replicates_depend_on_their_key_alone(fit, boot):
+    few = gj.bootstrap(fit, 70, key=jax.random.key(6))
+    np.testing.assert_allclose(few.variances, boot.variances[:70], rtol=1e-12)
+    np.testing.assert_allclose(few.values, boot.values[:70], rtol=1e-6)
+
+
+def test_an_interrupt_returns_what_is_done(fit, monkeypatch):
+    done = []
+
+    def interrupted(*arguments):
+        if done:
+            raise KeyboardInterrupt
+        done.append(1)
+        return refit(*arguments)
+
+    monkeypatch.setattr(module, "refit", interrupted)
+    boot = gj.bootstrap(fit, 300, key=jax.random.key(1), progress=True)
+    assert len(boot.values) == 64
+    assert "64 replicates of 300 asked for" in repr(boot)
+    with pytest.raises(KeyboardInterrupt):
+        gj.bootstrap(fit, 300, key=jax.random.key(1))
+
+
+def test_bad_input(fit, boot, wv):
+    with pytest.raises(ValueError, match="60 replicates are too few for 95 % intervals, which take 200"):
+        gj.bootstrap(fit, 60, key=jax.random.key(1)).parameters()
+    with pytest.raises(ValueError, match="kind is one of percentile, basic, studentised"):
+        boot.interval("normal")
+    with pytest.raises(ValueError, match='route is "variances" or "records"'):
+        gj.bootstrap(fit, 10, key=jax.random.key(1), route="fast")
+    with pytest.raises(ValueError, match="num_replicates"):
+        gj.bootstrap(fit, 0, key=jax.random.key(1))
+    with pytest.raises(TypeError, match="key"):
+        gj.bootstrap(fit, 10, key=3)
+    short = gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
+    with pytest.raises(ValueError, match=r"^Replicates need the covariance"):
+        gj.bootstrap(gj.fit(short, "WN"), 10, key=jax.random.key(1))

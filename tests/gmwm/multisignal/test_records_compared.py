@@ -1,0 +1,329 @@
+"""Do records share their parameters, and which model predicts them: by hand, by size and power, bad input."""
+
+import itertools
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from helpers import SIGMAS
+from scipy import stats
+
+import gmwm_jax as gj
+from gmwm_jax.multisignal import stationarity as module
+from gmwm_jax.variance.replicates import variance_draws
+
+TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
+NUM_SAMPLES, LEVELS, NUM_RECORDS = 20_000, 13, 4
+BAND = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(0))), rate=100.0)
+"""Relative intervals, the same for all."""
+
+
+def with_variance(variance):
+    low, high = BAND.ci_low / BAND.variance, BAND.ci_high / BAND.variance
+    return replace(BAND, variance=variance, ci_low=variance * low, ci_high=variance * high)
+
+
+def drawn(num_sets, seed, spread=0.0):
+    """Sets of records by the theory of their wavelet variance; correlation times scatter by `spread` in the log."""
+    V = np.asarray(gj.wv_covariance(TRUTH, NUM_SAMPLES, LEVELS))
+    nu = np.asarray(TRUTH.wavelet_variance(BAND.scales))
+    relative = variance_draws(nu, V)(jax.random.split(jax.random.key(seed), NUM_RECORDS * num_sets)) / nu
+    rng = np.random.default_rng(seed)
+    wvs = []
+    for row in relative:
+        model = gj.WN(1.0) + gj.GM(beta=0.03 * np.exp(spread * rng.normal()), variance=0.2)
+        wvs.append(with_variance(np.asarray(model.wavelet_variance(BAND.scales)) * row))
+    return [wvs[NUM_RECORDS * i : NUM_RECORDS * (i + 1)] for i in range(num_sets)]
+
+
+@pytest.fixture(scope="module")
+def records():
+    return drawn(1, 1)[0]
+
+
+@pytest.fixture(scope="module")
+def joint(records):
+    return gj.fit_records(records, "WN + GM", omega="two-step")
+
+
+@pytest.fixture(scope="module")
+def varied():
+    return gj.fit_records(drawn(1, 2, spread=0.7)[0], "WN + GM", omega="two-step")
+
+
+@pytest.fixture(scope="module")
+def same_test(joint):
+    return gj.near_stationarity(joint, 300, key=jax.random.key(4))
+
+
+# -- record by record -------------------------------------------------------------------------------------------------
+
+
+def test_single_fits_are_fits(joint, records):
+    for single, r, wv in zip(joint.singles, joint.records, records, strict=True):
+        alone = gj.fit(wv, "WN + GM", omega=r.omega)
+        assert single.objective == pytest.approx(alone.objective, rel=1e-8)
+        assert single.objective <= r.objective
+
+
+def test_cochran_by_hand(varied):
+    """Each parameter and all together, with a loop; variance between records as DerSimonian & Laird write it."""
+    comparison = gj.compare_records(varied)
+    x = np.array([[np.log(float(v)) for p in f.model.processes for v in p.values] for f in varied.singles])
+    psi = varied.records[0].covariance  # the same for records of a length
+    np.testing.assert_allclose(comparison.estimates, x, rtol=1e-9)
+    np.testing.assert_allclose(comparison.covariances[2], psi, rtol=1e-6)
+    for i, spread in enumerate(comparison.spreads):
+        w, Q = 1 / psi[i, i], 0.0
+        for own in x[:, i]:
+            Q += w * (own - x[:, i].mean()) ** 2
+        assert spread.statistic == pytest.approx(Q, rel=1e-6)
+        assert spread.p_value == pytest.approx(stats.chi2.sf(Q, 3), rel=1e-4)
+        assert spread.between == pytest.approx(np.sqrt(max(0, x[:, i].var(ddof=1) - psi[i, i])), rel=1e-5, abs=1e-9)
+        assert spread.observed == pytest.approx(x[:, i].std(ddof=1), rel=1e-9)
+        assert spread.low == pytest.approx(np.exp(x[:, i].min()), rel=1e-9)
+    total = sum((row - x.mean(axis=0)) @ np.linalg.solve(psi, row - x.mean(axis=0)) for row in x)
+    assert comparison.statistic == pytest.approx(total, rel=1e-6)
+    assert comparison.dof == 9
+    assert comparison.p_value == pytest.approx(stats.chi2.sf(total, 9), rel=1e-4, abs=1e-12)
+    np.testing.assert_allclose(comparison.between_covariance, np.cov(x, rowvar=False) - psi, rtol=1e-6, atol=1e-12)
+
+
+def test_who_varies_is_found(joint, varied):
+    same, other = gj.compare_records(joint), gj.compare_records(varied)
+    assert same.p_value > 1e-3
+    assert other.p_value < 1e-6
+    assert other["GM", "beta"].p_value < 1e-6
+    assert other["GM", "beta"].between == pytest.approx(0.7, rel=0.8)  # of four records
+    assert other["WN", "sigma2"].p_value > 1e-3
+    assert "same parameters? chi-square" in str(other)
+    assert len(other.plot().axes) == 3
+    with pytest.raises(KeyError, match=r"No parameter \('WN', 'beta'\); there are \('WN', 'sigma2'\)"):
+        other["WN", "beta"]
+
+
+def test_records_without_an_estimate_are_left_out(joint):
+    """A component that one record does not show: it has no place on the log scale."""
+    none = with_variance(1.0 / BAND.scales)
+    fit = gj.fit_records([*(r.wv for r in joint.records[:3]), none], "WN + GM", omega="two-step")
+    assert "GM" in fit.singles[3].at_boundary
+    comparison = gj.compare_records(fit)
+    assert comparison["GM", "variance"].num_left_out == 1
+    assert comparison["GM", "variance"].dof == 2
+    assert comparison["WN", "sigma2"].num_left_out == 0
+    assert comparison.dof == 2 * 3
+    assert "1 left out" in str(comparison)
+
+
+def test_what_is_zero_for_all_is_zero_for_each():
+    """A record that took white noise on would have a faster and smaller share of the process left, not another one."""
+    truth = gj.parse_model("GM(beta=2.0, variance=1.0)")
+    nu, V = np.asarray(truth.wavelet_variance(BAND.scales)), np.asarray(gj.wv_covariance(truth, NUM_SAMPLES, LEVELS))
+    wvs = [with_variance(row) for row in variance_draws(nu, V)(jax.random.split(jax.random.key(3), NUM_RECORDS))]
+    fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
+    assert fit.at_boundary == {"WN": "at boundary: zero"}
+    free = [gj.fit(wv, "WN + GM", omega=r.omega).model for wv, r in zip(wvs, fit.records, strict=True)]
+    assert max(float(model.processes[0].sigma2) for model in free) > 0.05
+    assert all(float(single.model.processes[0].sigma2) == 0 for single in fit.singles)
+    comparison = gj.compare_records(fit)
+    assert comparison.dof == 6
+    assert comparison.p_value > 1e-3
+
+
+# -- size and power ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_size_and_power():
+    """20 sets of records with the same parameters: both tests are uniform; five with other times: the second rejects.
+
+    Cochran's Q of 3 degrees of freedom has variance 6. The benchmark has 500 sets.
+    """
+    num, Q, p, p_all = 20, [], [], []
+    for b, wvs in enumerate(drawn(num, 3)):
+        fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
+        comparison = gj.compare_records(fit)
+        Q.append([s.statistic for s in comparison.spreads])
+        p_all.append(comparison.p_value)
+        p.append(gj.near_stationarity(fit, 63, key=jax.random.fold_in(jax.random.key(5), b)).p_value)
+    np.testing.assert_allclose(np.mean(Q, axis=0), 3, atol=SIGMAS * np.sqrt(6 / num))
+    for values in (p, p_all):
+        assert abs(np.mean(values) - 0.5) < SIGMAS / np.sqrt(12 * num)
+        assert np.mean(np.array(values) < 0.05) < 0.05 + SIGMAS * np.sqrt(0.05 * 0.95 / num)
+    found = [
+        gj.near_stationarity(gj.fit_records(wvs, "WN + GM", omega="two-step"), 63, key=jax.random.key(b)).p_value
+        for b, wvs in enumerate(drawn(5, 6, spread=0.7))
+    ]
+    assert np.sum(np.array(found) < 0.05) >= 4
+
+
+# -- near-stationarity ------------------------------------------------------------------------------------------------
+
+
+def test_share_of_objectives(joint, same_test):
+    """The p-value counts the data in; a replicate is a joint fit of its own records, with weights of their own."""
+    at_least = np.sum(same_test.objective >= joint.objective)
+    assert same_test.p_value == (1 + at_least) / 301
+    assert same_test.p_value > 0.01
+    assert "p = " in str(same_test)
+    assert same_test.plot().axes[0].get_xlabel() == "joint objective"
+
+
+@pytest.mark.parametrize("omega", [None, "two-step"])
+def test_a_replicate_is_a_joint_fit(records, omega):
+    """Also where one record is shorter."""
+    part = {k: getattr(records[0], k)[:11] for k in ("scales", "variance", "ci_low", "ci_high")}
+    fit = gj.fit_records([replace(records[0], num_samples=6_000, **part), *records[1:]], "WN + GM", omega=omega)
+    variances = np.zeros((3, NUM_RECORDS, LEVELS))
+    for i, draw in enumerate(module._draws(fit, "variances")):
+        nu = draw(jax.random.split(jax.random.key(i), 3))
+        variances[:, i, : nu.shape[1]] = nu
+    ours, converged = module._objectives(fit, variances)
+    assert converged.all()
+    for b in range(3):
+        own = []
+        for i, r in enumerate(fit.records):
+            nu = variances[b, i, : r.wv.num_scales]
+            width = {k: nu * getattr(r.wv, k) / r.wv.variance for k in ("ci_low", "ci_high")}
+            own.append(replace(r.wv, variance=nu, **width))
+        assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", omega=omega).objective, rel=1e-6)
+
+
+def test_both_routes_agree(joint, same_test):
+    """The distribution of the objective (Kolmogorov & Smirnov, p > 1e-5)."""
+    slow = gj.near_stationarity(joint, 60, key=jax.random.key(8), route="records")
+    assert slow.num_failed == 0
+    assert stats.ks_2samp(slow.objective, same_test.objective).pvalue > 1e-5
+    assert slow.objective.std() > 0.3 * slow.objective.mean() / np.sqrt(20)
+
+
+def test_replicates_depend_on_their_key_alone(joint, same_test):
+    few = gj.near_stationarity(joint, 70, key=jax.random.key(4))
+    np.testing.assert_allclose(few.objective, same_test.objective[:70], rtol=1e-6)
+
+
+def test_an_interrupt_returns_what_is_done(joint, monkeypatch):
+    done = []
+
+    def interrupted(*arguments):
+        if done:
+            raise KeyboardInterrupt
+        done.append(1)
+        return objectives(*arguments)
+
+    objectives = module._objectives
+    monkeypatch.setattr(module, "_objectives", interrupted)
+    test = gj.near_stationarity(joint, 200, key=jax.random.key(1), progress=True)
+    assert "64 replicates of 200 asked for" in str(test)
+    with pytest.raises(KeyboardInterrupt):
+        gj.near_stationarity(joint, 200, key=jax.random.key(1))
+
+
+# -- cross-validation -------------------------------------------------------------------------------------------------
+
+MODELS = ("WN", "WN + GM")
+
+
+@pytest.fixture(scope="module")
+def cv(records):
+    return gj.cross_validate(records, MODELS)
+
+
+def test_cross_validation_by_hand(records, cv):
+    """Every split by joint fits of its own, objectives by their definition; errors over records."""
+    pairs = list(itertools.combinations(range(4), 2))
+    assert cv.exact
+    assert {tuple(np.flatnonzero(row)) for row in cv.splits} == set(pairs)
+    e = {}
+    for model in MODELS:
+        own = np.full((6, 4), np.nan)
+        for b, pair in enumerate(pairs):
+            fit = gj.fit_records([records[i] for i in pair], model)
+            for i in set(range(4)) - set(pair):
+                own[b, i] = gj.objective(records[i], fit.model)
+        assert cv[model].score == pytest.approx(np.nansum(own, axis=1).mean(), rel=1e-6)
+        e[model] = np.nanmean(own, axis=0)
+        assert cv[model].error == pytest.approx(2 * e[model].std(ddof=1) / 2, rel=1e-5)
+        np.testing.assert_allclose(cv.left_out[list(cv).index(model)], e[model], rtol=1e-5)
+    best = min(e, key=lambda m: e[m].mean())
+    for model in MODELS:
+        off = e[model] - e[best]
+        assert cv[model].difference == pytest.approx(2 * off.mean(), rel=1e-4, abs=1e-6)
+        near = 2 * off.mean() <= stats.t.ppf(0.975, 3) * off.std(ddof=1)
+        assert cv[model].equivalent == near
+
+
+def test_the_truth_is_recommended(cv):
+    assert cv.recommended.model == "WN + GM"
+    assert not cv["WN"].equivalent
+    assert "WN + GM  " in str(cv)
+    assert "recommended" in str(cv)
+    assert [p.score for p in cv.scores] == sorted(p.score for p in cv.scores)
+    assert len(cv.plot().axes[0].get_yticklabels()) == 2
+    with pytest.raises(KeyError, match="No model 'RW'; there are"):
+        cv["RW"]
+
+
+def test_random_splits_leave_all_out_equally_often(records):
+    cv = gj.cross_validate([*records, *records], ["WN"], max_splits=30, key=jax.random.key(1))
+    assert not cv.exact
+    assert cv.splits.shape == (24, 8)
+    assert set(cv.splits.sum(axis=1)) == {4}
+    assert set(cv.splits.sum(axis=0)) == {12}
+    assert "24 random splits: estimated from 4" in str(cv)
+
+
+def test_a_model_with_values_keeps_them(records):
+    held = gj.WN(gj.Fixed(2.0))
+    cv = gj.cross_validate(records, ["WN", held], num_estimation=3)
+    assert cv.recommended.model == "WN"
+    text = next(name for name in cv if name != "WN")
+    assert cv[text].num_parameters == 0
+    assert cv[text].score == pytest.approx(np.mean([gj.objective(wv, gj.WN(2.0)) for wv in records]), rel=1e-9)
+
+
+def test_channels_apart(records):
+    two = [
+        gj.WaveletVariance(
+            wv.scales,
+            *(np.column_stack([a, 2 * a]) for a in (wv.variance, wv.ci_low, wv.ci_high)),
+            wv.num_samples,
+            channels=("a", "b"),
+            units=("1", "1"),
+        )
+        for wv in records
+    ]
+    found = gj.cross_validate(two, ["WN"])
+    assert list(found) == ["a", "b"]
+    # the objective has no unit
+    assert found["a"]["WN"].score == pytest.approx(found["b"]["WN"].score, rel=1e-9)
+
+
+def test_bad_input(records, joint):
+    with pytest.raises(ValueError, match=r"takes three records or more: of two, one alone would judge the other"):
+        gj.cross_validate(records[:2], ["WN"])
+    with pytest.raises(ValueError, match="models is a list of models to compare, and not empty"):
+        gj.cross_validate(records, "WN")
+    with pytest.raises(ValueError, match=r"A model is there twice: WN, WN"):
+        gj.cross_validate(records, ["WN", gj.WN()])
+    with pytest.raises(ValueError, match=r"num_estimation=4 leaves none of 4 records"):
+        gj.cross_validate(records, ["WN"], num_estimation=4)
+    with pytest.raises(ValueError, match=r"WN \+ 7\*GM has 15 free parameters and the shortest record 13 scales"):
+        gj.cross_validate(records, ["WN + 7*GM"])
+    with pytest.raises(ValueError, match=r"8 records have 70 splits: give key=... to choose about 20"):
+        gj.cross_validate([*records, *records], ["WN"], max_splits=20)
+    with pytest.raises(ValueError, match='route is "variances" or "records", and is \'fast\''):
+        gj.near_stationarity(joint, 10, key=jax.random.key(1), route="fast")
+    with pytest.raises(TypeError, match="key"):
+        gj.near_stationarity(joint, 10, key=3)
+    robust = gj.fit_records([replace(wv, efficiency=0.6) for wv in records], "WN")
+    with pytest.raises(ValueError, match='robust wavelet variance is replicated by route="variances"'):
+        gj.near_stationarity(robust, 10, key=jax.random.key(1), route="records")
+    held = gj.fit_records(records, gj.WN(gj.Fixed(1.0)))
+    with pytest.raises(ValueError, match="is free and inside its range: there is nothing to compare"):
+        gj.compare_records(held)
+    short = {k: getattr(records[0], k)[:2] for k in ("scales", "variance", "ci_low", "ci_high")}
+    some = gj.fit_records([replace(records[0], **short), *records[1:]], "WN + GM")
+    with pytest.raises(ValueError, match="3 free parameters and the wavelet variance 2 scales"):
+        gj.compare_records(some)

@@ -1,0 +1,249 @@
+"""Figures: what is drawn is the data, with units on the axes, a legend and a band."""
+
+import warnings
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.collections import PolyCollection
+
+import gmwm_jax
+from gmwm_jax.plotting.figures import plot_allan_deviation, plot_fit, plot_fits, plot_recording, plot_wavelet_variance
+
+DATASHEET = gmwm_jax.from_datasheet({"N": "0.05 deg/s/sqrt(Hz)"}, 100.0)[0]
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    """Draw each figure, which is when layout and fonts complain (warnings are errors), and close it."""
+    yield
+    for number in plt.get_fignums():
+        plt.figure(number).canvas.draw()
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def rec():
+    return gmwm_jax.datasets.simulated("mti-g", 9001, channels=["gyro_x", "gyro_y", "accel_x"])
+
+
+@pytest.fixture(scope="module")
+def wv(rec):
+    return gmwm_jax.wavelet_variance(rec, num_levels=10)
+
+
+@pytest.fixture(scope="module")
+def fits(wv):
+    return gmwm_jax.fit(wv, "WN + GM + RW", throw=False)
+
+
+def line(ax, label):
+    """The one line of this label."""
+    (found,) = [one for one in ax.lines if one.get_label() == label]
+    return found
+
+
+def assert_line(ax, label, x, y):
+    np.testing.assert_allclose(line(ax, label).get_xdata(), x, rtol=1e-12)
+    np.testing.assert_allclose(line(ax, label).get_ydata(), y, rtol=1e-12)
+
+
+def assert_band(ax, x, low, high, position=0):
+    band = [c for c in ax.collections if isinstance(c, PolyCollection)][position]
+    corners = {tuple(v) for v in band.get_paths()[0].vertices}
+    assert corners >= set(zip(x, low, strict=True)) | set(zip(x, high, strict=True))
+
+
+def assert_log_log(ax):
+    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
+
+
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_a_short_recording_is_drawn_sample_by_sample(rec):
+    short = gmwm_jax.Recording.from_array(rec.data[:50], rate=20.0, units=rec.units, channels=rec.channels, name="a")
+    figure = plot_recording(short)
+    assert len(figure.axes) == 3
+    for ax, (name, x), unit in zip(figure.axes, short.items(), ("rad/s", "rad/s", "m/s²"), strict=True):
+        np.testing.assert_array_equal(ax.lines[0].get_xdata(), np.arange(50) / 20)
+        np.testing.assert_array_equal(ax.lines[0].get_ydata(), x)
+        assert ax.get_ylabel() == f"{name}\n[{unit}]"
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    assert figure.axes[0].get_title() == "a: 50 samples at 20 Hz"
+
+
+def test_a_long_recording_is_drawn_as_ranges_that_leave_no_sample_out(rec):
+    x = rec.data[:, 0].copy()
+    x[-1], x[17] = 7.0, -5.0  # the last bin is not full
+    spiked = gmwm_jax.Recording.from_array(x, rate=100.0, units="rad/s")
+    (ax,) = plot_recording(spiked).axes
+    size = 5  # of 9001 samples in at most 2000 bins
+    bins = [x[i : i + size] for i in range(0, 9001, size)]
+    t = [(i * size + (len(b) - 1) / 2) / 100 for i, b in enumerate(bins)]
+    assert_line(ax, "mean of 5 samples", t, [b.mean() for b in bins])
+    assert_band(ax, t, [b.min() for b in bins], [b.max() for b in bins])
+    assert legend(ax) == ["min .. max", "mean of 5 samples"]
+    assert ax.get_ylim()[0] < -5
+    assert ax.get_ylim()[1] > 7
+
+
+def test_wavelet_variance_of_one_channel(wv):
+    one = wv["gyro_x"]
+    (ax,) = plot_wavelet_variance(one, datasheet=DATASHEET).axes
+    assert_log_log(ax)
+    assert_line(ax, "wavelet variance", one.times, one.variance)
+    assert_line(ax, "datasheet", one.times, np.asarray(DATASHEET.wavelet_variance(one.scales)))
+    assert_band(ax, one.times, one.ci_low, one.ci_high)
+    assert ax.get_xlabel() == "scale τ [s]"
+    assert ax.get_ylabel() == "wavelet variance [(rad/s)²]"
+    assert ax.get_title() == "simulated mti-g, gyro_x"
+    assert legend(ax) == ["wavelet variance", "datasheet"]
+    assert ax.get_legend().get_title().get_text() == "band: 95 % interval"
+
+
+def test_wavelet_variance_of_channels_in_a_frame_a_unit(wv):
+    figure = plot_wavelet_variance(wv)
+    gyro, accel = figure.axes
+    assert legend(gyro) == ["gyro_x", "gyro_y"]
+    assert_line(gyro, "gyro_x", wv.times, wv.variance[:, 0])
+    assert_line(gyro, "gyro_y", wv.times, wv.variance[:, 1])
+    assert_line(accel, "wavelet variance", wv.times, wv.variance[:, 2])
+    assert_band(gyro, wv.times, wv.ci_low[:, 1], wv.ci_high[:, 1], position=1)
+    assert accel.get_ylabel() == "wavelet variance [(m/s²)²]"
+    assert accel.get_title() == "simulated mti-g, accel_x"
+    assert line(gyro, "gyro_x").get_color() != line(gyro, "gyro_y").get_color()
+
+
+def test_wavelet_variance_of_more_channels_than_colours():
+    x = np.random.default_rng(8).normal(size=(64, 12))
+    wv = gmwm_jax.wavelet_variance(x)
+    (ax,) = plot_wavelet_variance(wv).axes
+    assert legend(ax) == [f"channel_{i}" for i in range(12)]
+    assert_line(ax, "channel_11", wv.scales, wv.variance[:, 11])
+    assert ax.get_xlabel() == "scale τ [samples]"
+    assert ax.get_ylabel() == "wavelet variance [1]"
+    assert ax.get_title() == "12 channels"
+
+
+def test_given_axes_are_used(wv):
+    figure, ax = plt.subplots()
+    assert plot_wavelet_variance(wv["gyro_x"], ax=ax) is figure
+    assert plot_allan_deviation(gmwm_jax.allan_deviation(wv["gyro_y"]), ax=ax) is figure
+    assert len(figure.axes) == 1
+    with pytest.raises(ValueError, match="2 different units and need an Axes each: leave ax out"):
+        plot_wavelet_variance(wv, ax=ax)
+
+
+def test_a_datasheet_line_is_drawn_where_it_belongs(wv, fits):
+    gyro, accel = plot_wavelet_variance(wv, datasheet={"rad/s": DATASHEET}).axes
+    assert "datasheet" in legend(gyro)
+    assert "datasheet" not in legend(accel)
+    panels = plot_fits(fits, datasheet={"m/s^2": "WN(sigma2=1e-4)"}).axes[::2]
+    assert ["datasheet" in ax.get_legend_handles_labels()[1] for ax in panels] == [False, False, True]
+    for plot, data in ((plot_wavelet_variance, wv), (plot_fits, fits)):
+        with pytest.raises(ValueError, match=r'units rad/s, m/s\^2, and a datasheet model belongs to one.*"rad/s"'):
+            plot(data, datasheet=DATASHEET)
+    with pytest.raises(ValueError, match=r"datasheet is about m/s\^2, and the data are in rad/s"):
+        plot_fit(fits["gyro_x"], datasheet={"m/s^2": DATASHEET})
+
+
+def test_allan_deviation(wv):
+    adev = gmwm_jax.allan_deviation(wv)
+    gyro, accel = plot_allan_deviation(adev).axes
+    for ax in (gyro, accel):
+        assert_log_log(ax)
+        assert ax.get_xlabel() == "averaging time T [s]"
+    assert (gyro.get_ylabel(), accel.get_ylabel()) == ("Allan deviation [rad/s]", "Allan deviation [m/s²]")
+    assert legend(gyro) == ["gyro_x", "gyro_y"]
+    assert legend(accel) == ["overlapping Allan deviation"]
+    assert_line(gyro, "gyro_y", adev.times, np.sqrt(2 * wv.variance[:, 1]))
+    assert_line(accel, "overlapping Allan deviation", wv.scales / 200, np.sqrt(2 * wv.variance[:, 2]))
+    one = adev["accel_x"]
+    assert_band(accel, one.times, one.ci_low, one.ci_high)
+
+
+def test_allan_deviation_with_slopes(wv):
+    adev = gmwm_jax.allan_deviation(wv["gyro_x"])
+    regression = gmwm_jax.slope_regression(adev, {"WN": (0.1, 1.0), "RW": (2.0, 10.0)})
+    (ax,) = plot_allan_deviation(adev, regression=regression).axes
+    assert legend(ax) == ["overlapping Allan deviation", "WN", "RW", "sum"]
+    N, K = (regression.table[kind, symbol].value for kind, symbol in (("WN", "N"), ("RW", "K")))
+    np.testing.assert_allclose(line(ax, "WN").get_ydata(), N / np.sqrt(adev.times), rtol=1e-10)
+    # of the random walk the samples are points, hence K sqrt(T/3) only where T is many samples
+    np.testing.assert_allclose(line(ax, "RW").get_ydata()[-4:], (K * np.sqrt(adev.times / 3))[-4:], rtol=1e-3)
+    assert_line(ax, "sum", adev.times, regression.implied_deviation)
+    with pytest.raises(ValueError, match=r"one channel: choose it, as in adev\['gyro_x'\]"):
+        plot_allan_deviation(gmwm_jax.allan_deviation(wv), regression=regression)
+
+
+def test_fit(fits):
+    fit = fits["gyro_x"]
+    figure = plot_fit(fit, datasheet=DATASHEET)
+    top, bottom = figure.axes
+    assert_log_log(top)
+    wv = fit.wv
+    assert_line(top, "wavelet variance", wv.times, wv.variance)
+    assert_band(top, wv.times, wv.ci_low, wv.ci_high)
+    curve = line(top, "fit")
+    at = np.searchsorted(curve.get_xdata(), wv.times * (1 - 1e-9))[[0, -1]]
+    np.testing.assert_allclose(curve.get_xdata()[at], wv.times[[0, -1]], rtol=1e-12)
+    np.testing.assert_allclose(curve.get_ydata()[at], fit.fitted[[0, -1]], rtol=1e-12)
+    parts = [line(top, label).get_ydata() for label in fit.model.labels if label in legend(top)]
+    np.testing.assert_allclose(np.sum(parts, axis=0), curve.get_ydata(), rtol=1e-10)
+    np.testing.assert_allclose(
+        line(top, "datasheet").get_ydata(), np.asarray(DATASHEET.wavelet_variance(wv.scales)), rtol=1e-12
+    )
+    assert legend(top)[:2] == ["wavelet variance", "fit"]
+    assert [label.removesuffix(": zero") for label in legend(top)[2:]] == ["WN", "GM", "RW", "datasheet"]
+    assert top.get_ylabel() == "wavelet variance [(rad/s)²]"
+    assert top.get_title() == f"simulated mti-g, gyro_x: WN + GM + RW, objective {fit.objective:.5g}"
+    assert bottom.get_xlabel() == "scale τ [s]"
+    assert bottom.get_ylabel() == "residual\n[half CI]"
+    # within +-1 exactly where the fitted curve runs inside the band
+    inside = (wv.ci_low < fit.fitted) & (fit.fitted < wv.ci_high)
+    np.testing.assert_array_equal(np.abs(bottom.lines[-1].get_ydata()) < 1, inside)
+    np.testing.assert_array_equal(np.sign(bottom.lines[-1].get_ydata()), np.sign(wv.variance - fit.fitted))
+    low, high = top.get_ylim()
+    assert low < wv.ci_low.min()
+    assert high > wv.ci_high.max()
+
+
+def test_fit_says_which_components_are_zero():
+    tau = 2.0 ** np.arange(1, 9)
+    nu = tau**-1.1  # less than white noise at long scales: nothing is left for a drift
+    fit = gmwm_jax.fit(gmwm_jax.WaveletVariance.from_table(tau, nu, nu / 2, nu * 2), "WN + DR")
+    assert fit.at_boundary == {"DR": "at boundary: zero"}
+    assert "DR: zero" in legend(plot_fit(fit).axes[0])
+
+
+def test_fits_have_a_panel_a_channel_and_one_legend(fits):
+    figure = plot_fits(fits)
+    assert len(figure.axes) == 6
+    for fit, top, bottom in zip(fits.values(), figure.axes[::2], figure.axes[1::2], strict=True):
+        assert_line(top, "wavelet variance", fit.wv.times, fit.wv.variance)
+        assert top.get_title().startswith(f"{fit.wv.channels[0]}: objective {fit.objective:.4g}")
+        assert ("zero" in top.get_title()) == any("zero" in note for note in fit.at_boundary.values())
+        assert top.get_legend() is None
+        assert bottom.get_xlabel() == "scale τ [s]"
+    (shared,) = figure.legends
+    assert [t.get_text() for t in shared.get_texts()] == [
+        "wavelet variance", "fit", "WN", "GM", "RW", "95 % interval of one scale",
+    ]  # fmt: skip
+
+
+def test_an_interval_that_starts_at_zero_has_no_place_on_a_logarithmic_axis():
+    tau = 2.0 ** np.arange(1, 9)
+    nu = 1 / tau
+    wv = gmwm_jax.WaveletVariance.from_table(tau, nu, np.where(tau < 100, nu / 2, 0), 2 * nu, rate=10.0)
+    fit = gmwm_jax.fit(wv, "WN")
+    for figure in (plot_wavelet_variance(wv), plot_fit(fit)):
+        assert figure.axes[0].get_ylim()[0] > 0
+
+
+def test_results_plot_themselves(rec, wv, fits):
+    adev = gmwm_jax.allan_deviation(wv)
+    with warnings.catch_warnings(action="error"):
+        for result in (rec, wv, adev, fits, fits["accel_x"]):
+            assert len(result.plot().axes) >= 1

@@ -1,0 +1,211 @@
+"""The filter as a whole: exact without noise, equal to a textbook filter and to R's, in any attitude."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from nav import setups, textbook
+from scipy.spatial.transform import Rotation
+
+import gmwm_jax as gj
+import nav_jax as nj
+from nav_jax.filter.loop import run_estimate
+from nav_jax.filter.status import Status
+from nav_jax.imu.emulation import GivenErrors
+from nav_jax.kinematics.rotation import dcm_from_quat
+
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
+EARTH = nj.FlatEarth(setups.GRAVITY)
+
+
+def experiment(reference, aiding, **options):
+    return nj.prepare(reference, aiding, rate=setups.RATE, earth=EARTH, **options)
+
+
+def white(scale=1.0):
+    return nj.ImuErrors(gj.WN(setups.ACCEL_WN * scale), gj.WN(setups.GYRO_WN * scale), setups.RATE)
+
+
+# without noise
+
+
+@pytest.mark.parametrize("gains", ["estimate", "reference"])
+@pytest.mark.parametrize("every", [1, 10])
+def test_without_noise_the_reference_comes_back(gains, every):
+    """300 s of free inertial navigation: 1e-6 m and 1e-8 rad are asked for, 100 times less is left."""
+    reference = nj.lemniscate(300.0, setups.RATE)
+    e = experiment(reference, (), every=every, output_interval=10.0)
+    out = nj.run_filter(e, white(), setups.quiet_inputs(e), nj.gains_of(e, white()) if gains == "reference" else None)
+    error = np.asarray(out.judgement.error)[:, :, 0]
+    assert np.abs(error[:, :3]).max() < 1e-8
+    assert np.abs(error[:, 6:9]).max() < 1e-10
+    # and the truth it is judged against is the motion asked for
+    np.testing.assert_allclose(e.timeline.truth.p[:, :, 0], reference.position[1000::1000], rtol=0, atol=1e-6)
+
+
+def test_without_noise_fixes_change_nothing():
+    e = experiment(nj.lemniscate(10.0, setups.RATE), setups.aiding(rate=3.0))
+    out = nj.run_filter(e, white(), setups.quiet_inputs(e))
+    assert np.abs(np.asarray(out.judgement.error)[:, :9]).max() < 1e-9
+    assert np.abs(np.asarray(out.innovation)).max() < 1e-9
+
+
+# a textbook
+
+
+def models():
+    mild = gj.WN(setups.ACCEL_WN) + gj.AR1(0.998, 2e-9)
+    two = gj.WN(setups.GYRO_WN) + gj.AR1(0.99, 3e-11) + gj.RW(1e-12)
+    return {
+        "white": white(),
+        "mixed, with a drift": nj.ImuErrors(
+            [mild, gj.WN(1e-5) + gj.DR(1e-6), gj.WN(1e-5)], two, setups.RATE, gyro_bias_sd=1e-4
+        ),
+    }
+
+
+@pytest.mark.parametrize("which", ["white", "mixed, with a drift"])
+def test_a_run_is_that_of_a_textbook_filter(key, which):
+    """10 s with noise, fixes at 3 Hz (off the grid of the IMU), initial errors; two terms of ours against exponentials.
+
+    State differences are measured in standard deviations, those of P relative to the standard deviations it holds.
+    """
+    errors = models()[which]
+    sensors = (
+        nj.GnssPosition(3.0, horizontal=0.5, vertical=1.0),
+        nj.GnssVelocity(3.0, horizontal=0.05, vertical=0.1),
+        nj.Barometer(1.0, height=0.5, first=0.0),
+    )
+    start = nj.InitialUncertainty(1.0, 0.1, np.deg2rad([0.5, 0.5, 2.0]))
+    e = experiment(nj.lemniscate(10.0, setups.RATE), sensors, initial=start)
+    inputs = nj.draw_inputs(e, errors, nj.run_keys(key, 0, 1))
+    out = nj.run_filter(e, errors, inputs)
+    bank = textbook.Bank(errors.bank())
+    times = np.asarray(e.timeline.dt.sum(axis=1)[e.timeline.pattern].sum(axis=1)).cumsum()
+    H = np.concatenate([s.jacobian() for s in sensors])
+    R = np.diag(np.concatenate([s.believed for s in sensors]) ** 2)
+    events = []
+    for m, t in enumerate(times):
+        use = np.asarray(e.timeline.valid[m]) > 0
+        events.append((t, H[use], R[np.ix_(use, use)], np.asarray(inputs.z[m, use, 0])))
+    # the samples, once each: a sample cut in two appears twice among the pieces
+    total = np.zeros((1000, 6))
+    drawn = setups.given(e, inputs).errors.per_step[..., 0]
+    total[setups.samples(e)] = np.asarray(e.timeline.imu + drawn).reshape(-1, 6)
+    P = np.zeros((9 + bank.size,) * 2)
+    P[:9, :9], P[9:, 9:] = start.covariance, bank.initial
+    begin = inputs.start
+    C = np.asarray(dcm_from_quat(begin.q))[:, :, 0]
+    dense = textbook.run(
+        bank,
+        (np.asarray(begin.p)[:, 0], np.asarray(begin.v)[:, 0], C),
+        P,
+        total,
+        1 / setups.RATE,
+        events,
+        np.array([0, 0, setups.GRAVITY]),
+    )
+    worst = [0.0, 0.0]
+    for m, (p, v, C, x, P) in enumerate(dense):
+        sd = np.sqrt(np.diag(P))
+        turned = Rotation.from_matrix(np.asarray(dcm_from_quat(out.state.q[m]))[:, :, 0] @ C.T).as_rotvec()
+        ours = [np.asarray(a[m])[:, 0] for a in (out.state.p, out.state.v, out.state.x)]
+        off = np.concatenate([ours[0] - p, ours[1] - v, turned, ours[2] - x])
+        worst[0] = max(worst[0], np.abs(off[sd > 0] / sd[sd > 0]).max())
+        claimed = np.asarray(out.judgement.sd[m, :9, 0])
+        worst[1] = max(worst[1], np.abs(claimed / sd[:9] - 1).max())
+    assert worst[0] < 1e-5
+    assert worst[1] < 1e-6
+
+
+# gains of the reference
+
+
+def relative_difference(key, scale, attitude_sd):
+    """Greatest of all errors at all outputs between own gains and those of the reference, in standard deviations."""
+    errors = white(scale**2)
+    sensors = [
+        nj.GnssPosition(1.0, horizontal=0.5 * scale, vertical=1.0 * scale),
+        nj.GnssVelocity(1.0, horizontal=0.05 * scale, vertical=0.1 * scale),
+    ]
+    start = nj.InitialUncertainty(0.5 * scale, 0.05 * scale, attitude_sd)
+    e = experiment(nj.lemniscate(10.0, setups.RATE), sensors, initial=start)
+    inputs = nj.draw_inputs(e, errors, nj.run_keys(key, 0, 8))
+    own = nj.run_filter(e, errors, inputs).judgement
+    shared = nj.run_filter(e, errors, inputs, nj.gains_of(e, errors)).judgement
+    return np.max(np.abs(own.error - shared.error)[:, :9] / shared.sd[:, :9])
+
+
+def test_gains_of_the_reference_are_exact_to_first_order(key):
+    """Everything a hundredth, and the filters differ by a hundredth of what they did, in standard deviations."""
+    large, small = relative_difference(key, 1.0, 0.02), relative_difference(key, 0.01, 0.0002)
+    assert 1e-3 < large < 0.5
+    assert 0.003 < small / large < 0.03
+
+
+def test_gains_part_where_the_attitude_is_far_off(key):
+    """An initial error of 20 deg bends the filter: half a standard deviation and more between the two."""
+    assert relative_difference(key, 1.0, np.deg2rad(20.0)) > 0.5
+
+
+# any attitude
+
+
+def loop():
+    """A loop in a vertical plane: pitch goes through 90 deg twice a turn."""
+    t = np.arange(1001) / setups.RATE
+    w, radius = 2 * np.pi / 8.0, 40.0
+    p = np.stack([radius * np.sin(w * t), 0 * t, -radius * (1 - np.cos(w * t))], -1)
+    v = radius * w * np.stack([np.cos(w * t), 0 * t, -np.sin(w * t)], -1)
+    q = np.stack([np.cos(w * t / 2), 0 * t, np.sin(w * t / 2), 0 * t], -1)
+    return nj.Trajectory.from_quaternion(t, p, q, velocity=v)
+
+
+def wrapped():
+    """A circle whose yaw is given between -180 and 180 deg."""
+    reference = nj.circle(10.0, setups.RATE, radius=5.0, speed=8.0)
+    euler = reference.euler
+    euler[:, 2] = (euler[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(np.diff(euler[:, 2])).max() > 6
+    return nj.Trajectory.from_euler(reference.time, reference.position, euler, velocity=reference.velocity)
+
+
+@pytest.mark.parametrize("motion", [loop, wrapped])
+def test_no_attitude_is_singular(key, motion):
+    """NEES of 16 runs, averaged over 10 epochs, in a band of 4.5 sigma as if no two epochs were correlated, doubled."""
+    errors = white()
+    e = experiment(motion(), setups.aiding(), initial=nj.InitialUncertainty(0.02, 0.01, np.deg2rad(0.3)))
+    # as many runs, for one compilation
+    quiet = nj.run_filter(e, errors, setups.quiet_inputs(e, num_runs=16))
+    assert np.abs(np.asarray(quiet.judgement.error)[:, :9]).max() < 1e-9
+    out = nj.run_filter(e, errors, nj.draw_inputs(e, errors, nj.run_keys(key, 0, 16)))
+    assert not np.any(out.status)
+    navigation = np.asarray(out.judgement.nees)[:, 4].mean(axis=0)
+    assert abs(navigation.mean() - 9) < 2 * 4.5 * np.sqrt(2 * 9 / 160)
+    assert np.abs(np.asarray(out.judgement.error)[:, 6:9]).max() < np.deg2rad(3)
+
+
+# status
+
+
+def test_a_run_that_overflows_is_marked_and_leaves_the_others_alone(key):
+    errors = white()
+    e = experiment(nj.lemniscate(10.0, setups.RATE), setups.aiding())
+    inputs = setups.given(e, nj.draw_inputs(e, errors, nj.run_keys(key, 0, 16)))
+    fine = nj.run_filter(e, errors, inputs)
+    huge = inputs.errors.per_step.at[5, 3:5, 0, 0, 2].set(1e308)
+    out = nj.run_filter(e, errors, inputs._replace(errors=GivenErrors(huge, inputs.errors.per_segment)))
+    expected = np.zeros(16, int)
+    expected[2] = Status.non_finite
+    np.testing.assert_array_equal(out.status, expected)
+    others = np.delete(np.arange(16), 2)
+    np.testing.assert_array_equal(out.judgement.error[..., others], fine.judgement.error[..., others])
+
+
+def test_a_negative_variance_is_marked(key):
+    """A covariance at the start that is none, which the public functions would refuse."""
+    errors = white()
+    e = experiment(nj.lemniscate(10.0, setups.RATE), ())
+    P = jnp.diag(jnp.array([-1e4] + [1.0] * 8))
+    out = run_estimate(e.timeline, errors.bank(), (), setups.quiet_inputs(e), P)
+    np.testing.assert_array_equal(out.status, [Status.not_positive])

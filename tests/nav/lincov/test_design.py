@@ -1,0 +1,351 @@
+"""Sensitivities, error budget, effect of a calibration, design and tuning: each against a second computation."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from nav import setups
+
+import gmwm_jax as gj
+import nav_jax as nj
+from nav_jax.filter.parameters import AidingLines, ErrorLines
+
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
+REFERENCE = nj.lemniscate(20.0, setups.RATE)
+AIDING = setups.aiding(12.0, 20.0)
+START = nj.InitialUncertainty(0.05, 0.02, 0.002)
+TRUTH = nj.ImuErrors(
+    gj.WN(6e-5) + gj.GM(0.01, 4e-5) + gj.GM(0.0005, 1e-4),
+    gj.WN(1.5e-6) + gj.GM(0.002, 3e-7),
+    setups.RATE,
+    gyro_bias_sd=1e-4,
+)
+FEWER = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.01, 4e-5), gj.WN(1.5e-6), setups.RATE, gyro_bias_sd=1e-4)
+OPTIONS = {"aiding": AIDING, "initial": START, "every": 10}
+
+
+@pytest.fixture(scope="module")
+def slopes():
+    return nj.sensitivities(REFERENCE, TRUTH, FEWER, **OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def budget():
+    return nj.error_budget(REFERENCE, TRUTH, FEWER, **OPTIONS)
+
+
+# -- parameters on the real line --------------------------------------------------------------------------------------
+
+
+def test_lines_are_the_parameters():
+    lines = ErrorLines(TRUTH)
+    assert lines.names[:3] == ("accel WN sigma2", "accel GM_1 beta", "accel GM_1 variance")
+    assert lines.names[-1] == "gyro bias sd"
+    assert len(lines.names) == len(lines.start) == 9
+    np.testing.assert_allclose(lines.values(lines.start), [6e-5, 0.01, 4e-5, 0.0005, 1e-4, 1.5e-6, 0.002, 3e-7, 1e-4])
+    other = lines.build(lines.start + jnp.log(2.0))
+    assert [float(m.processes[0].sigma2) for m in other.models] == pytest.approx([1.2e-4] * 3 + [3e-6] * 3)
+    np.testing.assert_allclose(other.bias_sd, [0, 0, 0, 2e-4, 2e-4, 2e-4])
+    axes = ErrorLines(nj.ImuErrors([gj.WN(1e-4), gj.WN(2e-4), gj.WN(1e-4)], gj.WN(1e-6), setups.RATE))
+    assert axes.names == ("accel x WN sigma2", "accel y WN sigma2", "accel z WN sigma2", "gyro WN sigma2")
+    unequal = ErrorLines(nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-6), setups.RATE, accel_bias_sd=[0.0, 0.1, 0.2]))
+    assert unequal.names == ("accel WN sigma2", "gyro WN sigma2", "accel y bias sd", "accel z bias sd")
+    built = unequal.build(unequal.start + jnp.log(jnp.array([2.0, 3.0, 4.0, 5.0])))
+    np.testing.assert_allclose(built.bias_sd, [0, 0.4, 1.0, 0, 0, 0])
+    np.testing.assert_allclose(unequal.values(unequal.start), [1e-4, 1e-6, 0.1, 0.2])
+    aiding = AidingLines(AIDING)
+    assert aiding.names[:2] == ("gnss_position n, e sd", "gnss_position d sd")
+    louder = aiding.believe(jnp.log(jnp.arange(1.0, 6.0)))
+    np.testing.assert_allclose(louder[0].believed, AIDING[0].believed * jnp.array([1.0, 1.0, 2.0]))
+    np.testing.assert_allclose(louder[2].believed, 5 * AIDING[2].believed)
+
+
+def test_a_channel_without_noise_has_no_lines():
+    quiet = nj.ImuErrors([gj.WN(0.0), gj.WN(1e-4), gj.WN(0.0)], gj.WN(0.0), setups.RATE, gyro_bias_sd=1e-4)
+    lines = ErrorLines(quiet)
+    assert lines.names == ("accel y WN sigma2", "gyro bias sd")
+    np.testing.assert_allclose(lines.values(lines.start + 1.0), np.e * np.array([1e-4, 1e-4]))
+    other = lines.build(lines.start + 1.0)
+    np.testing.assert_allclose([float(m.processes[0].sigma2) for m in other.models], [0, np.e * 1e-4, 0, 0, 0, 0])
+    silent = ErrorLines(nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE))
+    assert silent.names == ()
+    assert silent.build(silent.start).models[0].processes[0].sigma2 == 0.0
+
+
+# -- sensitivities ----------------------------------------------------------------------------------------------------
+
+
+def rms(truth, believed, **changed):
+    c = nj.analyse(REFERENCE, truth, believed, **(OPTIONS | changed))["filter"]
+    return np.linalg.norm(c.sd[-1, :2])
+
+
+def changed(errors, name, x):
+    """The errors with x added to one line."""
+    lines = ErrorLines(errors)
+    return lines.build(lines.start.at[lines.names.index(name)].add(x))
+
+
+@pytest.mark.parametrize(
+    ("side", "name"), [("truth", "accel GM_2 beta"), ("filter", "accel GM variance"), ("truth", "gyro bias sd")]
+)
+def test_sensitivities_are_differences_of_analyses(slopes, side, name):
+    (column,) = [i for i, s in enumerate(zip(slopes.sides, slopes.names, strict=True)) if s == (side, name)]
+    h = 1e-3
+    high, low = (
+        rms(changed(TRUTH, name, x), FEWER) if side == "truth" else rms(TRUTH, changed(FEWER, name, x)) for x in (h, -h)
+    )
+    difference = (high - low) / (2 * h)
+    assert slopes.derivative["horizontal"][-1, column] == pytest.approx(difference, rel=1e-4)
+    assert slopes.elasticity("horizontal")[-1, column] == pytest.approx(difference / rms(TRUTH, FEWER), rel=1e-4)
+
+
+def test_sensitivity_to_a_partial_autocorrelation():
+    """What is named is what is moved: both coefficients, by the recursion, as the first partial one alone changes."""
+    aiding, reference = setups.aiding(), nj.lemniscate(3.0, setups.RATE)
+    options = {"aiding": aiding, "initial": START, "every": 10}
+
+    def truth(z, r2=-0.4):
+        r1 = np.tanh(z / 2)
+        return nj.ImuErrors(gj.WN(0.0), gj.AR(2)(r1 * (1 - r2), r2, 1e-6), setups.RATE)
+
+    z, h = 2 * np.arctanh(0.9), 1e-3
+    s = nj.sensitivities(reference, truth(z), FEWER, **options)
+    assert [n for n, side in zip(s.names, s.sides, strict=True) if side == "truth"][:3] == [
+        "gyro AR(2) phi partial 1", "gyro AR(2) phi partial 2", "gyro AR(2) sigma2",
+    ]  # fmt: skip
+    high, low = (
+        nj.analyse(reference, truth(x), FEWER, **options)["filter"].rms("position")[-1] for x in (z + h, z - h)
+    )
+    assert s.derivative["position"][-1, 0] == pytest.approx((high - low) / (2 * h), rel=1e-4)
+    assert np.isfinite(s.derivative["position"]).all()
+
+
+def test_sensitivities_to_fixes_and_start(slopes):
+    """Twice differentiated by hand: standard deviations believed and true of a barometer, and those of the start."""
+    h = 1e-3
+    at = {s: i for i, s in enumerate(zip(slopes.sides, slopes.names, strict=True))}
+
+    def louder(true, believed):
+        sensors = (*AIDING[:2], nj.Barometer(1.0, height=0.5 * np.exp(true), believed=0.5 * np.exp(believed)))
+        return rms(TRUTH, FEWER, aiding=sensors)
+
+    for side, one in (("truth", (h, 0.0)), ("filter", (0.0, h))):
+        difference = (louder(*one) - louder(*(-x for x in one))) / (2 * h)
+        seen = slopes.derivative["horizontal"][-1, at[side, "barometer sd"]]
+        assert seen == pytest.approx(difference, rel=1e-4, abs=1e-9)
+    starts = [nj.InitialUncertainty(0.05, 0.02, 0.002 * np.exp(x)) for x in (h, -h)]
+    true = [rms(TRUTH, FEWER, initial=s, believed_initial=START) for s in starts]
+    seen = slopes.derivative["horizontal"][-1, at["truth", "start attitude sd"]]
+    assert seen == pytest.approx((true[0] - true[1]) / (2 * h), rel=1e-4, abs=1e-9)
+
+
+def test_where_the_filter_is_right_its_parameters_do_not_matter():
+    """The gains are optimal: derivatives by what is believed vanish; only position counts, the last of many optima."""
+    s = nj.sensitivities(REFERENCE, TRUTH, **OPTIONS)
+    of_filter = np.array(s.sides) == "filter"
+    d = np.abs(s.derivative["position"][-1])
+    assert d[of_filter].max() < 1e-8 * d[~of_filter].max()
+    assert "d RMS / d log parameter" in repr(s)
+
+
+# -- budget -----------------------------------------------------------------------------------------------------------
+
+
+def test_parts_add_up_to_the_whole(budget):
+    """Every component at every epoch, 1e-9."""
+    whole = nj.analyse(REFERENCE, TRUTH, FEWER, **OPTIONS)["filter"].true
+    np.testing.assert_allclose(budget.part.sum(axis=0), np.diagonal(whole, axis1=1, axis2=2)[:, :9], rtol=1e-9)
+    np.testing.assert_allclose(budget.share("tilt").sum(axis=0), 1.0, rtol=1e-12)
+
+
+def test_a_part_is_an_analysis_without_the_others(budget):
+    """Gyro noise alone: of a truth without anything else, with the gains of the same filter."""
+    outage = {"outages": AIDING[0].outages}
+    quiet = (
+        nj.GnssPosition(1.0, horizontal=1e-9, vertical=1e-9, believed=(0.025, 0.05), **outage),
+        nj.GnssVelocity(1.0, horizontal=1e-9, vertical=1e-9, believed=(0.01, 0.02), **outage),
+        nj.Barometer(1.0, height=1e-9, believed=0.5),
+    )
+    truth = nj.ImuErrors(gj.WN(0.0), gj.WN(1.5e-6), setups.RATE)
+    alone = nj.analyse(
+        REFERENCE, truth, FEWER, aiding=quiet, initial=nj.InitialUncertainty(), believed_initial=START, every=10
+    )["filter"]
+    (row,) = [i for i, name in enumerate(budget.sources) if name == "gyro white"]
+    np.testing.assert_allclose(budget.part[row], alone.sd[:, :9] ** 2, rtol=1e-6, atol=1e-16)
+
+
+def test_sources_have_names(budget):
+    assert budget.sources[:5] == ("accel white", "accel GM_1", "accel GM_2", "gyro white", "gyro GM")
+    assert "gyro bias" in budget.sources
+    assert budget.sources[-3:] == ("gnss_position", "gnss_velocity", "barometer")
+    assert "all: RMS" in repr(budget)
+    nothing = nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE)
+    with pytest.raises(ValueError, match="no source of error"):
+        nj.error_budget(nj.static(1.0, setups.RATE), nothing, TRUTH, aiding=(), every=10)
+
+
+def test_a_correlated_start_is_one_source():
+    P = np.diag(np.full(9, 1e-4))
+    P[0, 3] = P[3, 0] = 5e-5
+    start = nj.InitialUncertainty(covariance=P)
+    b = nj.error_budget(nj.lemniscate(2.0, setups.RATE), FEWER, aiding=setups.aiding()[:1], initial=start, every=10)
+    assert [s for s in b.sources if s.startswith("start")] == ["start"]
+
+
+# -- what a calibration leaves open -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """Of a short static recording."""
+    out = []
+    for model, seed in (("WN(sigma2=6e-5) + GM(beta=0.005, variance=4e-5)", 1), ("WN(sigma2=1.5e-6)", 2)):
+        x = np.asarray(gj.simulate(model, 20_000, key=jax.random.key(seed)))
+        wv = gj.wavelet_variance(gj.Recording.from_array(x, rate=setups.RATE, units="m/s^2" if seed == 1 else "rad/s"))
+        kinds = " + ".join(p.kind for p in gj.parse_model(model).processes)
+        out.append(gj.fit(wv, kinds))
+    return out
+
+
+def test_an_interval_of_the_navigation_error(fits):
+    """The spread over draws is that of the delta method; the loss by not knowing is never negative."""
+    accel, gyro = fits
+    options = {"aiding": setups.aiding(6.0, 10.0), "initial": START, "every": 10}
+    where = nj.lemniscate(10.0, setups.RATE)
+    c = nj.calibration_effect(where, accel, gyro, key=jax.random.key(1), num_draws=64, **options)
+    low, high = c.interval("position")
+    assert np.all(low <= c.rms["position"])
+    assert np.all(c.rms["position"] <= high)
+    spread = np.std(np.log(c.used["position"]), axis=0)[-1]
+    assert spread == pytest.approx(c.delta_sd["position"][-1], rel=0.35)  # 3 sigma of 64 draws, and the curvature
+    for used, best in zip(c.used["position"], c.best["position"], strict=True):
+        assert np.all(best <= used * (1 + 1e-9))
+    assert c.loss("position")[-1] >= 0
+    assert "perfect calibration" in repr(c)
+
+
+def test_calibration_wants_fits(fits):
+    blind = dataclasses.replace(fits[0])
+    unknown = blind.covariance.copy()
+    unknown[1] = unknown[:, 1] = np.nan
+    blind.__dict__["covariance"] = unknown  # the cached property
+    with pytest.raises(ValueError, match="no standard error of accel GM beta"):
+        nj.calibration_effect(REFERENCE, blind, fits[1], key=jax.random.key(1), aiding=AIDING)
+    with pytest.raises(ValueError, match="A fit of gmwm_jax"):
+        nj.calibration_effect(REFERENCE, "WN", fits[1], key=jax.random.key(1), aiding=AIDING)
+    with pytest.raises(ValueError, match="these are 2"):
+        nj.calibration_effect(REFERENCE, fits[:1] * 2, fits[1], key=jax.random.key(1), aiding=AIDING)
+
+
+# -- design -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def designed():
+    """Filters with no or one process of the gyros, for a truth with one, and two of the accelerometers."""
+    scenario = nj.Scenario(nj.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
+    return nj.design(TRUTH, scenario, max_accel=0, max_gyro=1, num_starts=1, every=20)
+
+
+def test_designed_filters_beat_parts_of_the_truth(designed):
+    """By the score that was asked for, and with claims that are nearer to the truth."""
+    assert (designed.candidates[0].num_accel, designed.candidates[0].num_gyro) == (0, 0)
+    for c in designed.candidates:
+        assert c.loss < c.loss_naive
+        k = c.covariances[0].epoch()
+        said, naive = (x[0].nees("navigation")[k] / 9 for x in (c.covariances, c.covariances_naive))
+        assert 0.8 < said < 1.25
+        assert abs(np.log(said)) < max(abs(np.log(naive)), 0.1)
+        assert c.converged
+    # one more process does no harm
+    assert designed.candidates[1].loss < designed.candidates[0].loss
+
+
+def test_no_filter_is_better_than_the_right_one(designed):
+    """A proper score: of the truth it is least."""
+    k = designed.right[0].epoch()
+    for c in designed.candidates:
+        assert c.covariances[0].rms("position")[k] >= designed.right[0].rms("position")[k] * (1 - 1e-9)
+
+
+def test_the_score_is_that_of_the_covariances(designed):
+    """Recomputed from the result by dense algebra."""
+    c = designed.best()
+    inside = (c.covariances[0].time > 6.0) & (c.covariances[0].time <= 12.0)
+    T, C = (a[inside, :9, :9] for a in (c.covariances[0].true, c.covariances[0].claimed))
+    score = [(np.linalg.slogdet(c)[1] + np.trace(np.linalg.solve(c, t))) / 2 for t, c in zip(T, C, strict=True)]
+    assert np.mean(score) == pytest.approx(c.loss, rel=1e-6)
+
+
+def test_a_design_is_confirmed_on_fresh_noise(designed):
+    """Runs of the best filter, its naive counterpart and the right one have the errors that were computed."""
+    (runs,) = designed.confirm(num_runs=64, key=jax.random.key(5), gains="reference", every=20)
+    best = designed.best()
+    expected = {"designed": best.covariances, "truncated": best.covariances_naive, "right": designed.right}
+    assert list(runs) == list(expected)
+    for name, (c,) in expected.items():
+        k = c.epoch()
+        squares = np.sum(runs[name].errors("position")[:, k] ** 2, axis=1)
+        assert abs(squares.mean() - c.rms("position")[k] ** 2) < 4.5 * squares.std() / np.sqrt(64)
+
+
+def test_results_of_a_design(designed):
+    text = repr(designed)
+    assert "0 GM accel, 1 GM gyro" in text
+    assert [c.num_states for c in designed.candidates] == sorted(c.num_states for c in designed.candidates)
+    assert designed.best(max_states=3).num_gyro == 0
+    assert designed.pareto[-1] is designed.best()
+    losses = [c.loss for c in designed.pareto]
+    assert losses == sorted(losses, reverse=True)
+    with pytest.raises(ValueError, match="the smallest has 3"):
+        designed.best(max_states=1)
+    assert designed.candidates[0].errors.biased == (3, 4, 5)
+
+
+def test_a_design_for_a_random_walk():
+    """The truth is in the family: found, and named as what it is."""
+    truth = nj.ImuErrors(gj.WN(6e-5) + gj.RW(1e-7), gj.WN(1.5e-6), setups.RATE)
+    scenario = nj.Scenario(nj.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
+    d = nj.design(truth, scenario, max_accel=1, max_gyro=0, every=20)
+    white, walk = d.candidates
+    assert walk.name == "1 RW accel, 0 GM gyro"
+    k = walk.covariances[0].epoch()
+    assert walk.loss < white.loss
+    assert walk.loss == pytest.approx(walk.loss_naive, abs=1e-6)
+    right = d.right[0].rms("position")[k]
+    assert walk.covariances[0].rms("position")[k] == pytest.approx(right, rel=1e-3)
+    assert float(walk.errors.models[0].processes[1].gamma2) == pytest.approx(1e-7, rel=0.02)
+
+
+def test_a_truth_of_higher_order_has_no_part_in_the_family():
+    """Then there is nothing naive to compare with; more states do no harm."""
+    truth = nj.ImuErrors(gj.WN(6e-5) + gj.MAT32(1e-4, 0.01), gj.WN(1.5e-6), setups.RATE)
+    scenario = nj.Scenario(nj.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
+    d = nj.design(truth, scenario, max_accel=1, max_gyro=0, every=20)
+    assert [c.naive is None for c in d.candidates] == [False, True]
+    assert d.candidates[1].covariances_naive == ()
+    assert d.candidates[1].loss < d.candidates[0].loss
+    assert "-" in repr(d).splitlines()[3]
+    k = d.right[0].epoch()
+    for c in d.candidates:
+        assert c.covariances[0].rms("position")[k] >= d.right[0].rms("position")[k] * (1 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"objective": "beauty"}, "objective is one of score, error"),
+        ({"scenarios": ()}, "at least one scenario"),
+        ({"scenarios": nj.static(2.0, setups.RATE)}, "Scenarios are wanted"),
+        ({"num_starts": 0}, "num_starts"),
+        ({"max_states": 2}, "No structure has 2"),
+    ],
+)
+def test_a_design_needs_its_input(options, message):
+    scenario = nj.Scenario(nj.static(2.0, setups.RATE), (), START)
+    with pytest.raises(ValueError, match=message):
+        nj.design(TRUTH, **({"scenarios": scenario} | options))

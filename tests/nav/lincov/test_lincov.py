@@ -1,0 +1,432 @@
+"""Linear covariances: against closed forms, finite sums, Monte Carlo runs and central differences."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.special
+import scipy.stats
+from nav import setups
+
+import gmwm_jax as gj
+import nav_jax as nj
+from nav_jax.lincov.covariance import covariances_along, noise_of
+from nav_jax.statistics.distributions import chi2_quantile, weighted_chi2_cdf
+
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
+OUTAGE = (12.0, 20.0)
+NUM_RUNS = 800
+START = nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5]))
+TRUTH = nj.ImuErrors(
+    gj.WN(6e-5) + gj.GM(0.002, 2e-5) + gj.RW(1e-11), gj.WN(1.5e-6) + gj.GM(0.005, 2e-7), setups.RATE, gyro_bias_sd=1e-4
+)
+FILTERS = {
+    "right": TRUTH,
+    "white": nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE),
+    "fewer": nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.01, 1e-5), gj.WN(3e-6), setups.RATE, gyro_bias_sd=5e-5),
+    "more": nj.ImuErrors(
+        gj.WN(9e-5) + gj.GM(0.002, 2e-5) + gj.MAT32(0.01, 1e-6), gj.WN(2e-6) + gj.DR(1e-8), setups.RATE
+    ),
+}
+
+
+def correlation(P, scale=None):
+    """P over the standard deviations of `scale`, its own by default."""
+    sd = np.sqrt(np.diagonal(P if scale is None else scale, axis1=-2, axis2=-1))
+    return np.asarray(P) / sd[..., :, None] / sd[..., None, :]
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return nj.prepare(
+        nj.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), rate=setups.RATE, initial=START, every=10
+    )
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    return nj.analyse(
+        nj.lemniscate(20.0, setups.RATE), TRUTH, FILTERS, aiding=setups.aiding(*OUTAGE), initial=START, every=10
+    )
+
+
+# -- what it must be ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_the_right_filter_claims_what_is_true(every):
+    """States of several kinds, a turn-on bias and drifts: relative to the standard deviations 1e-9."""
+    truth = nj.ImuErrors(
+        gj.WN(6e-5) + gj.MAT32(0.01, 1e-5), gj.WN(1.5e-6) + gj.RW(1e-13) + gj.DR(1e-9), setups.RATE, accel_bias_sd=0.01
+    )
+    e = nj.prepare(
+        nj.lemniscate(4.0, setups.RATE), setups.aiding(2.0, 3.0), rate=setups.RATE, initial=START, every=every
+    )
+    found = nj.linear_covariance(e, truth, truth)
+    for true, claimed in zip(found.true, found.claimed, strict=True):
+        np.testing.assert_allclose(correlation(true, claimed), correlation(claimed), rtol=0, atol=1e-9)
+    used = np.asarray(e.timeline.valid) > 0
+    np.testing.assert_allclose(
+        np.asarray(found.innovation)[used], np.asarray(found.innovation_claimed)[used], rtol=1e-9
+    )
+
+
+def test_what_a_filter_claims_is_its_own_covariance(experiment):
+    """That of the filter which runs on the reference, from another program."""
+    gains = nj.gains_of(experiment, FILTERS["fewer"])
+    found = nj.linear_covariance(experiment, TRUTH, FILTERS["fewer"])
+    theirs = np.asarray(gains.claim.navigation[..., 0])
+    np.testing.assert_allclose(correlation(found.claimed.navigation, theirs), correlation(theirs), atol=1e-10)
+
+
+STILL = {
+    "accel white": (gj.WN(1e-4), gj.WN(0.0)),
+    "accel random walk": (gj.RW(1e-8), gj.WN(0.0)),
+    "accel Gauss-Markov": (gj.GM(1e-4, 1e-4), gj.WN(0.0)),
+    "gyro white": (gj.WN(0.0), gj.WN(1e-8)),
+    "gyro random walk": (gj.WN(0.0), gj.RW(1e-12)),
+    "gyro Gauss-Markov": (gj.WN(0.0), gj.GM(1e-4, 1e-8)),
+}
+
+
+def of_integrals(model, dt, num, order):
+    """Variance of the integral of this order of a held sample, as a sum over the covariance of its samples.
+
+    A sample that holds over [t_k, t_k + dt] makes (T - t)^(order - 1)/(order - 1)! of it: integrated, the difference of
+    two powers.
+    """
+    left = dt * (num - np.arange(num))
+    weight = (left**order - (left - dt) ** order) / scipy.special.factorial(order)
+    (process,) = model.processes
+    if process.kind == "WN":
+        return float(process.sigma2) * dt * _white(left, dt, order)
+    if process.kind == "RW":
+        # the step j is in all samples from j on
+        return float(process.gamma2) * np.sum(np.cumsum(weight[::-1]) ** 2)
+    beta, variance = (float(v) for v in process.values)
+    e = np.exp(-beta * np.arange(num))
+    past = np.array([weight[: k + 1] @ e[k::-1] for k in range(num)])
+    return variance * (2 * weight @ past - weight @ weight)
+
+
+def _white(left, dt, order):
+    """Mean square of (T - t)^(order - 1)/(order - 1)!, integrated over time."""
+    f = scipy.special.factorial(order - 1)
+    return np.sum((left ** (2 * order - 1) - (left - dt) ** (2 * order - 1)) / (2 * order - 1)) / f**2
+
+
+@pytest.mark.parametrize("case", STILL)
+def test_unaided_and_at_rest_the_integrals_of_the_noise_come_out(case):
+    """Accelerometer errors integrate once and twice, gyro errors tilt and pull gravity in (Blum & Dambeck 2020): 1e-6.
+
+    Samples are held: their integrals are finite sums. In continuous time white noise has q t^(2n-1)/((2n-1) (n-1)!^2),
+    from which the sums differ by (dt/t)^2.
+    """
+    accel, gyro = STILL[case]
+    seconds, dt = 60.0, 1 / setups.RATE
+    truth = nj.ImuErrors(accel, gyro, setups.RATE)
+    c = nj.analyse(
+        nj.static(seconds, setups.RATE), truth, nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), setups.RATE), aiding=(), every=1,
+        earth=nj.FlatEarth(setups.GRAVITY),
+    )["filter"]  # fmt: skip
+    model = gj.Composite((accel if case.startswith("accel") else gyro,))
+    num = round(seconds * setups.RATE)
+    variance = c.sd[-1] ** 2
+    if case.startswith("accel"):
+        expected = {0: of_integrals(model, dt, num, 2), 3: of_integrals(model, dt, num, 1)}
+    else:
+        g2 = setups.GRAVITY**2
+        expected = {6: of_integrals(model, dt, num, 1), 8: of_integrals(model, dt, num, 1)}
+        expected |= {3: g2 * of_integrals(model, dt, num, 2), 0: g2 * of_integrals(model, dt, num, 3)}
+    for column, value in expected.items():
+        assert variance[column] == pytest.approx(value, rel=1e-6)
+    if "white" in case:
+        q = float(model.processes[0].sigma2) * dt
+        n = 2 if case.startswith("accel") else 3
+        power = q * seconds ** (2 * n - 1) / (2 * n - 1) / scipy.special.factorial(n - 1) ** 2
+        assert variance[0] == pytest.approx(power * (1 if n == 2 else setups.GRAVITY**2), rel=1e-6)
+
+
+# -- against Monte Carlo runs ---------------------------------------------------------------------------------------
+
+
+def assert_moments(analysis, comparison, num_runs):
+    """RMS of each block within 4 standard errors at 95 % of the epochs or more, NEES within 5 at all, coverage too."""
+    for name, c in analysis.items():
+        runs = comparison[name]
+        for block in ("position", "velocity", "attitude", "accel", "gyro"):
+            squares = np.sum(runs.errors(block) ** 2, axis=2)
+            z = (squares.mean(axis=0) - c.rms(block) ** 2) / (squares.std(axis=0) / np.sqrt(num_runs))
+            assert np.mean(np.abs(z) < 4) >= 0.95, (name, block)
+            assert np.abs(z).max() < 5.5, (name, block)
+        for group in ("position", "attitude", "pose", "navigation"):
+            nees = runs.nees[group]
+            z = (nees.mean(axis=0) - c.nees(group)) / (nees.std(axis=0) / np.sqrt(num_runs))
+            assert np.abs(z).max() < 5, (name, group)
+            inside = np.mean(nees <= float(chi2_quantile(0.95, c.dof(group))), axis=0)
+            expected = c.coverage(group, 0.95)
+            assert np.all(np.abs(inside - expected) < 4.5 * np.sqrt(expected * (1 - expected) / num_runs) + 2e-3)
+
+
+@pytest.mark.slow
+def test_monte_carlo(analysis):
+    """800 runs of three filters, with states of other kinds and number than the truth's, through an outage."""
+    comparison = nj.compare(
+        nj.lemniscate(20.0, setups.RATE),
+        TRUTH,
+        {name: f for name, f in FILTERS.items() if name != "right"},
+        aiding=setups.aiding(*OUTAGE),
+        initial=START,
+        num_runs=NUM_RUNS,
+        key=jax.random.key(5),
+        gains="reference",
+        every=10,
+    )
+    assert_moments({name: analysis[name] for name in comparison.runs}, comparison, NUM_RUNS)
+    for name, runs in comparison.runs.items():
+        for sensor, variance in analysis[name].innovation.items():
+            z = (np.mean(runs.innovation[sensor] ** 2, axis=0) / variance - 1) / np.sqrt(2 / NUM_RUNS)
+            assert np.abs(z).max() < 5
+
+
+@pytest.mark.slow
+def test_noise_of_fixes_that_has_a_memory():
+    """GNSS errors of a Gauss-Markov process and a random walk, of which the filter knows nothing; quantisation."""
+    aiding = (
+        nj.GnssPosition(
+            2.0,
+            horizontal="WN(sigma2=1e-4) + GM(beta=0.2, variance=4e-3)",
+            vertical="WN(sigma2=1e-3) + RW(gamma2=1e-4)",
+            outages=((4.0, 6.0),), believed=(0.05, 0.1),
+            first=1.5,
+        ),
+        nj.Barometer(1.0, height="QN(q2=0.01) + GM(beta=0.1, variance=0.1)", believed=0.3),
+    )  # fmt: skip
+    truth = nj.ImuErrors(
+        "WN(sigma2=6e-5) + QN(q2=1e-4) + GM(beta=0.01, variance=1e-4)",
+        "WN(sigma2=1.5e-6) + QN(q2=1e-5) + RW(gamma2=1e-9)",
+        setups.RATE,
+    )
+    believed = {"filter": nj.ImuErrors("WN(sigma2=6e-5)", "WN(sigma2=1.5e-6)", setups.RATE)}
+    options = {"aiding": aiding, "initial": START, "every": 5}
+    c = nj.analyse(nj.lemniscate(10.0, setups.RATE), truth, believed, **options)
+    runs = nj.compare(
+        nj.lemniscate(10.0, setups.RATE),
+        truth,
+        believed,
+        num_runs=NUM_RUNS,
+        key=jax.random.key(6),
+        gains="reference",
+        **options,
+    )
+    # of the sensors what lasts: the rounding errors of quantisation are no part of it, here and there
+    columns = {"position": slice(0, 3), "accel": slice(9, 12), "gyro": slice(12, 15)}
+    for block, at in columns.items():
+        squares = runs["filter"].errors(block) ** 2
+        z = (squares.mean(axis=0) - c["filter"].sd[:, at] ** 2) / (squares.std(axis=0) / np.sqrt(NUM_RUNS))
+        assert np.abs(z).max() < 4.5, block
+    # the fixes are worse than the filter thinks
+    assert np.all(c["filter"].nees("position")[3:] > 4)
+
+
+# -- derivatives and vectorisation ----------------------------------------------------------------------------------
+
+
+def test_derivatives_by_everything(experiment):
+    """Reverse, forward and central differences of fourth order: 1e-5 of each, 1e-8 between the first two."""
+    start = jnp.log(jnp.array([6e-5, 2e-3, 2e-5, 1.5e-6, 1e-4, 9e-5, 5e-3, 1e-5, 2e-6, 0.025, 0.05, 0.02]))
+
+    def cost(x):
+        v = jnp.exp(x)
+        truth = nj.ImuErrors(gj.WN(v[0]) + gj.GM(v[1], v[2]), gj.WN(v[3]), setups.RATE, gyro_bias_sd=v[4])
+        believed = nj.ImuErrors(gj.WN(v[5]) + gj.GM(v[6], v[7]), gj.WN(v[8]), setups.RATE)
+        aiding = (nj.GnssPosition(1.0, horizontal=v[9], vertical=0.05, outages=(OUTAGE,)), *experiment.sensors[1:])
+        initial = nj.InitialUncertainty(v[10], 0.02, v[11])
+        e = eqx.tree_at(lambda e: (e.sensors, e.initial), experiment, (aiding, initial))
+        found = nj.linear_covariance(e, truth, believed, motion=motion)
+        return jnp.log(jnp.trace(found.true.navigation[-1])) + jnp.log(jnp.trace(found.claimed.navigation[-1]))
+
+    motion = nj.motion_of(experiment)
+    value, forward, backward = jax.jit(cost), jax.jit(jax.jacfwd(cost))(start), jax.jit(jax.grad(cost))(start)
+    h = 2e-3
+    steps = h * np.eye(len(start))
+    differences = np.array(
+        [
+            (8 * (value(start + d) - value(start - d)) - value(start + 2 * d) + value(start - 2 * d)) / (12 * h)
+            for d in steps
+        ]
+    )
+    assert np.abs(differences).min() > 1e-6
+    np.testing.assert_allclose(backward, forward, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(forward, differences, rtol=1e-5, atol=1e-8)
+
+
+def test_many_filters_at_once_compile_once(experiment):
+    """Each is what it is alone; other numbers need no other program."""
+    motion = nj.motion_of(experiment)
+
+    @eqx.filter_jit
+    def position(white, beta):
+        def one(white, beta):
+            believed = nj.ImuErrors(gj.WN(white) + gj.GM(beta, 1e-5), gj.WN(3e-6), setups.RATE)
+            return nj.linear_covariance(experiment, TRUTH, believed, motion=motion).true.navigation[-1, 0, 0]
+
+        count.append(1)
+        return jax.vmap(one)(white, beta)
+
+    count = []
+    whites, betas = jnp.array([6e-5, 1e-4, 3e-4]), jnp.array([1e-2, 3e-2, 1e-3])
+    together = position(whites, betas)
+    position(2 * whites, 2 * betas)
+    assert count == [1]
+    believed = nj.ImuErrors(gj.WN(whites[1]) + gj.GM(betas[1], 1e-5), gj.WN(3e-6), setups.RATE)
+    alone = nj.linear_covariance(experiment, TRUTH, believed, motion=motion)
+    assert together[1] == pytest.approx(float(alone.true.navigation[-1, 0, 0]), rel=1e-10)
+
+
+def test_many_truths_and_filters_as_the_last_axis(experiment):
+    """Stacked models, as jax.vmap builds them, are each what they are alone; so are derivatives through them."""
+    motion = nj.motion_of(experiment)
+
+    def build(x):
+        return nj.ImuErrors(gj.WN(x[0]) + gj.GM(x[1], 1e-5) + gj.RW(1e-9), gj.WN(3e-6), setups.RATE, gyro_bias_sd=x[2])
+
+    several = jnp.array([[6e-5, 1e-2, 1e-4], [1e-4, 3e-2, 2e-4], [3e-4, 1e-3, 1e-5]])
+    stacked = jax.vmap(build)(several)
+    truths, filters, both = (
+        nj.linear_covariance(experiment, *pair, motion=motion)
+        for pair in ((stacked, FILTERS["fewer"]), (TRUTH, stacked), (stacked, stacked))
+    )
+    for i, x in enumerate(several):
+        for found, pair in (
+            (truths, (build(x), FILTERS["fewer"])),
+            (filters, (TRUTH, build(x))),
+            (both, (build(x),) * 2),
+        ):
+            alone = nj.linear_covariance(experiment, *pair, motion=motion)
+            for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(alone), strict=True):
+                np.testing.assert_allclose(a[i], b, rtol=1e-9, atol=1e-22)
+
+    def total(x):
+        found = nj.linear_covariance(experiment, TRUTH, jax.vmap(build)(x), motion=motion)
+        return jnp.sum(found.true.navigation[:, -1, 0, 0])
+
+    def one(x):
+        return nj.linear_covariance(experiment, TRUTH, build(x), motion=motion).true.navigation[-1, 0, 0]
+
+    np.testing.assert_allclose(jax.jit(jax.grad(total))(several)[1], jax.jit(jax.grad(one))(several[1]), rtol=1e-8)
+    with pytest.raises(ValueError, match="3 truths and 2 filters"):
+        nj.linear_covariance(experiment, stacked, jax.vmap(build)(several[:2]))
+
+
+@pytest.mark.parametrize(("side", "negative"), [("truth", True), ("filter", True), ("filter", False)])
+def test_a_negative_variance_is_seen(experiment, side, negative):
+    """As an optimiser may try it, where nothing can be raised."""
+
+    @jax.jit
+    def valid(x):
+        other = nj.ImuErrors(gj.WN(6e-5) + gj.RW(x), gj.WN(3e-6), setups.RATE)
+        pair = (other, TRUTH) if side == "truth" else (TRUTH, other)
+        return nj.linear_covariance(experiment, *pair).valid
+
+    assert bool(valid(-1e-9 if negative else 1e-9).all()) is not negative
+
+
+def test_second_moments_are_linear_in_the_noise(experiment):
+    """Four times the noise, four times the mean squares, with the gains of the same filter."""
+    noise, bank = noise_of(experiment, TRUTH), FILTERS["fewer"].bank()
+    motion = nj.motion_of(experiment)
+    compiled = eqx.filter_jit(covariances_along)
+    once, twice = (compiled(experiment, motion, n, bank, START).true.navigation for n in (noise, _louder(noise)))
+    np.testing.assert_allclose(twice, 4 * once, rtol=1e-9, atol=1e-18)
+
+
+def _louder(noise):
+    forms = tuple(
+        f._replace(driving=4 * f.driving, initial=4 * f.initial, white=4 * f.white) for f in noise.aiding.forms
+    )
+    imu = noise.imu
+    return eqx.tree_at(
+        lambda n: (n.start, n.imu.driving, n.imu.initial, n.imu.white, n.aiding.forms),
+        noise,
+        (4 * noise.start, 4 * imu.driving, 4 * imu.initial, 4 * imu.white, forms),
+    )
+
+
+# -- the law of the NEES, results, errors ----------------------------------------------------------------------------
+
+
+def test_distribution_of_weighted_squares():
+    """Equal weights are chi-square to 1e-11; two exponentials have a closed form; others against 400,000 draws."""
+    for k in (1, 2, 3, 6, 9):
+        x = float(scipy.stats.chi2.ppf(0.95, k))
+        for scale in (1e-3, 0.3, 1.0, 40.0):
+            seen = weighted_chi2_cdf(np.full(k, scale), x)
+            assert seen == pytest.approx(scipy.stats.chi2.cdf(x / scale, k), abs=1e-11)
+    a, b, x = 2.0, 7.0, 11.0  # two degrees of freedom each: exponentials of means 2 a, 2 b
+    exact = 1 - (a * np.exp(-x / (2 * a)) - b * np.exp(-x / (2 * b))) / (a - b)
+    assert weighted_chi2_cdf(np.array([a, a, b, b]), x) == pytest.approx(exact, abs=1e-11)
+    weights = np.array([30.0, 2.0, 0.5, 1e-3, 0.0])
+    draws = np.random.default_rng(1).standard_normal((400_000, 5)) ** 2 @ weights
+    for x in (0.5, 5.0, 50.0):
+        p = weighted_chi2_cdf(weights, x)
+        assert np.mean(draws <= x) == pytest.approx(p, abs=4.5 * np.sqrt(p * (1 - p) / 400_000))
+
+
+def test_results_say_what_they_are(analysis):
+    text = repr(analysis)
+    assert all(name in text for name in FILTERS)
+    c = analysis["white"]
+    assert "claimed rms" in repr(c)
+    assert c.dof("sensors") == 0
+    assert analysis["right"].dof("sensors") == 6
+    np.testing.assert_allclose(analysis["right"].nees("navigation"), 9.0, rtol=1e-6)
+    np.testing.assert_allclose(analysis["right"].coverage("pose", 0.9), 0.9, rtol=1e-6)
+    np.testing.assert_allclose(analysis["right"].nis_ratio("barometer"), 1.0, rtol=1e-8)
+    assert c.epoch() == 19
+    assert list(analysis) == list(FILTERS)
+    with pytest.raises(KeyError, match="No filter 'left'"):
+        analysis["left"]
+    with pytest.raises(ValueError, match="none of the groups"):
+        c.nees("spin")
+
+
+def test_states_of_what_is_not_there_are_noted():
+    truth = nj.ImuErrors(gj.WN(1e-4), TRUTH.models[3], setups.RATE)
+    c = nj.analyse(nj.static(1.0, setups.RATE), truth, FILTERS["fewer"], aiding=(), every=10)["filter"]
+    assert c.notes == ("The filter estimates errors of accel x, accel y, accel z, which truly are white or none.",)
+    axis = gj.WN(1e-4) + gj.RW(1e-9)
+    truth, believed = (nj.ImuErrors(a, gj.WN(1e-6), setups.RATE) for a in (axis, [axis + gj.GM(0.1, 1e-5), axis, axis]))
+    c = nj.analyse(nj.static(1.0, setups.RATE), truth, believed, aiding=(), every=10)["filter"]
+    assert c.notes == ("The filter has more states for accel x than the truth, which cannot excite all.",)
+
+
+def test_a_start_that_is_known_has_no_nees():
+    c = nj.analyse(nj.static(2.0, setups.RATE), TRUTH, aiding=(), every=10, output_interval=0.1)["filter"]
+    # position is known exactly until noise has gone through twice
+    assert np.isfinite(c.nees("velocity")).all()
+    c = nj.analyse(
+        nj.static(2.0, setups.RATE), nj.ImuErrors(gj.WN(0.0), gj.WN(1e-6), setups.RATE), aiding=(), every=10
+    )["filter"]
+    assert np.isnan(c.nees("velocity")).all()
+    assert np.isnan(c.coverage("navigation")).all()
+
+
+@pytest.mark.parametrize(
+    ("truth", "filters", "message"),
+    [
+        (
+            nj.ImuErrors("WN(sigma2=1e-4) + BI(B=1e-3)", "WN(sigma2=1e-6)", 100.0),
+            None,
+            "BI of accel x has no state-space",
+        ),
+        (TRUTH, {}, "at least one filter"),
+        (nj.RecordedErrors(np.zeros((9, 3)), np.zeros((9, 3)), 100.0), {"a": TRUTH}, "truth is ImuErrors"),
+        (TRUTH, nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-6)", 50.0), "belongs to 50 Hz"),
+    ],
+)
+def test_bad_input(truth, filters, message):
+    with pytest.raises(ValueError, match=message):
+        nj.analyse(nj.static(2.0, setups.RATE), truth, filters, aiding=setups.aiding())

@@ -1,0 +1,248 @@
+"""Figures: what is drawn is the data, in the units on the axes, with bands, legends and shaded outages."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import scipy.stats
+from matplotlib.collections import PolyCollection
+from nav.synthetic import OUTAGE, make_runs, with_failures
+from nav.test_comparison import make_reference
+
+from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis, plot_trajectory
+from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
+from nav_jax.simulation.comparison import Comparison
+from nav_jax.statistics.energy import energy_score
+
+N = 30
+DEGREES = 180 / np.pi
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    """Draw each figure, which is when layout and fonts complain (warnings are errors), and close it."""
+    yield
+    for number in plt.get_fignums():
+        plt.figure(number).canvas.draw()
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return make_reference()
+
+
+@pytest.fixture(scope="module")
+def comparison(reference):
+    models = {
+        "right": make_runs("right", N),
+        "near": make_runs("near", N, scale=1.02, noise=6),
+        "poor": with_failures("poor", [3], num_runs=N, scale=1.5, inflation=3.0, axes=(), noise=7),
+    }
+    return Comparison(reference, models, "MTi-G")
+
+
+def good(r):
+    return [i for i in range(N) if i != 3]
+
+
+def line(ax, label):
+    """The one line whose label starts so."""
+    (found,) = [one for one in ax.lines if str(one.get_label()).startswith(label)]
+    return found
+
+
+def assert_line(ax, label, x, y):
+    np.testing.assert_allclose(line(ax, label).get_xdata(), x, rtol=1e-12)
+    np.testing.assert_allclose(line(ax, label).get_ydata(), y, rtol=1e-12)
+
+
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def spans(ax):
+    """Left end, lower end, width and height of each shaded rectangle, in its own mixed coordinates."""
+    return [patch.get_bbox().bounds for patch in ax.patches]
+
+
+def assert_outage_is_shaded(ax):
+    assert any((x, x + width) == OUTAGE for x, _, width, _ in spans(ax))
+
+
+def test_a_trajectory(reference):
+    figure = plot_trajectory(reference)
+    plan, height, attitude = figure.axes
+    np.testing.assert_array_equal(plan.lines[0].get_xydata(), reference.position[:, [1, 0]])
+    np.testing.assert_array_equal(height.lines[0].get_ydata(), -reference.position[:, 2])
+    assert_line(attitude, "yaw", reference.time, DEGREES * reference.euler[:, 2])
+    assert [ax.get_ylabel() for ax in figure.axes] == ["north [m]", "height [m]", "angle [deg]"]
+    assert plan.get_aspect() == 1.0
+    assert len(plot_trajectory(reference, attitude=False).axes) == 2
+
+
+@pytest.mark.parametrize("with_tracks", [True, False])
+def test_realisations_over_the_truth(reference, with_tracks):
+    r = make_runs(num_runs=6)
+    if not with_tracks:
+        r = replace(r, tracks={})
+    plan, height = plot_realisations(r, reference, max_runs=4).axes
+    assert_line(plan, "truth", reference.position[:, 1], reference.position[:, 0])
+    assert_line(height, "truth", reference.time, -reference.position[:, 2])
+    shown = 2 if with_tracks else 4
+    first = height.lines[0]
+    assert first.get_label() == f"{shown} runs of right"
+    at_epochs = np.interp(r.time, first.get_xdata(), first.get_ydata())
+    truth = np.interp(r.time, reference.time, -reference.position[:, 2])
+    np.testing.assert_allclose(at_epochs, truth - r.error[0, :, 2], atol=1e-9)
+    assert_outage_is_shaded(height)
+    in_outage = line(plan, "in an outage")
+    epochs = (first.get_xdata() >= OUTAGE[0]) & (first.get_xdata() <= OUTAGE[1])
+    assert len(in_outage.get_xdata()) == np.count_nonzero(epochs)
+
+
+def test_failed_runs_are_not_drawn(reference):
+    r = with_failures("some", [0, 2], num_runs=5)
+    assert plot_realisations(r, reference).axes[1].lines[0].get_label() == "1 run of some"
+    axes = plot_errors(r).axes
+    assert sum(str(one.get_label()).startswith("_") or one.get_label() == "runs" for one in axes[0].lines) == 3 + 2
+
+
+def test_errors_with_bounds():
+    r = make_runs(num_runs=12)
+    figure = plot_errors(r, blocks=("position", "velocity", "attitude"), max_runs=5)
+    axes = np.array(figure.axes).reshape(3, 3)
+    labels = [[ax.get_ylabel() for ax in row] for row in axes]
+    assert labels == [
+        ["east [m]", "east [m/s]", "about north [deg]"],
+        ["north [m]", "north [m/s]", "about east [deg]"],
+        ["up [m]", "up [m/s]", "about down [deg]"],
+    ]
+    shown = {(0, 0): (1, 1.0), (1, 0): (0, 1.0), (2, 0): (2, -1.0), (2, 1): (5, -1.0), (1, 2): (7, DEGREES)}
+    for (row, column), (component, factor) in shown.items():
+        ax = axes[row, column]
+        assert_line(ax, "5 runs", r.time, factor * r.error[0, :, component])
+        bound = 3 * abs(factor) * np.sqrt(np.mean(r.sd[..., component] ** 2, axis=0))
+        assert_line(ax, "±3 sd", r.time, bound)
+        assert_outage_is_shaded(ax)
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["outage", "5 runs", "±3 sd of the filter"]
+
+
+def test_a_run_plots_itself():
+    assert len(make_runs(num_runs=3).plot(blocks=("velocity",)).axes) == 3
+
+
+def test_unknown_blocks_are_named():
+    with pytest.raises(ValueError, match="'height' is none of the blocks"):
+        plot_errors(make_runs(num_runs=3), blocks=("height",))
+
+
+def test_sensor_states_say_where_there_is_none():
+    r = make_runs(num_runs=12, axes=(0, 1, 2, 5))
+    axes = np.array(plot_sensor_states(r).axes).reshape(3, 2)
+    silent = [[any(t.get_text() == "no state" for t in ax.texts) for ax in row] for row in axes]
+    assert silent == [[False, True], [False, True], [False, False]]
+    assert_line(axes[2, 1], "±3 sd", r.time, 3 * DEGREES * 3600 * r.sd[0, :, 14])
+    assert_line(axes[1, 0], "runs", r.time, 1e3 * r.error[0, :, 10])
+    assert (axes[0, 0].get_ylabel(), axes[0, 1].get_ylabel()) == ("x [mm/s²]", "x [deg/h]")
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_mean_errors_with_bands(comparison, log):
+    left, right = plot_mean_errors(comparison, log=log).axes
+    for ax, columns, factor in ((left, slice(0, 3), 1.0), (right, slice(6, 9), DEGREES)):
+        for position, (name, r) in enumerate(comparison.runs.items()):
+            length = factor * np.linalg.norm(r.error[good(r), :, columns], axis=-1)
+            assert_line(ax, name, r.time, length.mean(axis=0))
+            low, high = scipy.stats.t.interval(0.95, N - 2, length.mean(axis=0), scipy.stats.sem(length))
+            band = [c for c in ax.collections if isinstance(c, PolyCollection)][position]
+            corners = band.get_paths()[0].vertices
+            for edge in (low, high):
+                distances = np.abs(corners[None, :, :] - np.stack([r.time, edge], -1)[:, None, :]).max(axis=-1)
+                assert distances.min(axis=1).max() < 1e-9
+        assert ax.get_yscale() == ("log" if log else "linear")
+        assert legend(ax) == ["right", "near", "poor", "outage"]
+        assert ax.get_legend().get_title().get_text() == f"{N - 1} runs, band: 95 % interval"
+        assert_outage_is_shaded(ax)
+    assert (left.get_ylabel(), right.get_ylabel()) == ("mean position error [m]", "mean orientation error [deg]")
+
+
+def test_consistency_with_the_bands_of_a_consistent_filter(comparison):
+    axes = np.array(plot_consistency(comparison, groups=("pose", "sensors")).axes).reshape(2, 2)
+    n = N - 1
+    for column, (group, dof) in enumerate((("pose", 6), ("sensors", 6))):
+        top, bottom = axes[:, column]
+        r = comparison["right"]
+        squares = r.nees[group][good(r)]
+        assert_line(top, "right", r.time, squares.mean(axis=0) / dof)
+        assert_line(bottom, "right", r.time, np.mean(squares <= scipy.stats.chi2(dof).ppf(0.95), axis=0))
+        low, high = scipy.stats.chi2(dof * n).ppf([0.025, 0.975]) / (dof * n)
+        assert any(np.allclose((y, y + height), (low, high), rtol=1e-9) for _, y, _, height in spans(top))
+        low, high = scipy.stats.binom(n, 0.95).ppf([0.025, 0.975]) / n
+        assert any(np.allclose((y, y + height), (low, high), rtol=1e-9) for _, y, _, height in spans(bottom))
+        for ax in (top, bottom):
+            assert_outage_is_shaded(ax)
+        inside = np.mean(
+            np.abs(scipy.stats.chi2(dof * n).cdf(n * squares.mean(axis=0)) - 0.5) < 0.475  # of each epoch
+        )
+        assert f"right: {100 * inside:.0f} % inside" in legend(top)
+    # far off: in a logarithmic frame; without states: not there
+    assert axes[0, 0].get_yscale() == "log"
+    assert axes[0, 1].get_yscale() == "linear"
+    assert not any(label.startswith("poor") for label in legend(axes[0, 1]))
+
+
+def test_a_group_that_no_model_has(reference):
+    (top, _) = plot_consistency(make_runs(num_runs=4, axes=()), groups=("sensors",)).axes
+    assert top.get_title() == "sensors: no states"
+
+
+def test_consistency_from_an_exact_start():
+    r = make_runs(num_runs=4)
+    r.nees["pose"][:, 0] = np.nan
+    (top, _) = plot_consistency(r, groups=("pose",)).axes
+    assert line(top, "right").get_xdata()[0] == 1.0
+
+
+def test_innovations(comparison):
+    figure = plot_nis(comparison)
+    for ax, (sensor, dof) in zip(figure.axes, {"gnss": 3, "baro": 1}.items(), strict=True):
+        r = comparison["near"]
+        assert_line(ax, "near", r.nis_time[sensor], r.nis[sensor][good(r)].mean(axis=0) / dof)
+        assert ax.get_title() == sensor
+        assert_outage_is_shaded(ax)
+    assert len(plot_nis(comparison["right"], sensors=["baro"]).axes) == 1
+    with pytest.raises(ValueError, match="no innovations of sonar, only of gnss, baro"):
+        plot_nis(comparison, sensors=["sonar"])
+    bare = make_runs(num_runs=3, nis={}, nis_time={}, nis_dof={}, innovation={})
+    with pytest.raises(ValueError, match="these runs have no fixes"):
+        plot_nis(bare)
+
+
+def test_too_few_runs_for_a_mean():
+    with pytest.raises(ValueError, match="takes 2 or more in which no model failed, and there are 0"):
+        plot_mean_errors(make_runs(num_runs=1))
+
+
+def test_the_overview(comparison):
+    figure = comparison.plot()
+    position, orientation, score, nees, covered, pairs = figure.axes
+    r = comparison["poor"]
+    each = energy_score(r.error[good(r), :, :3], r.position_covariance[good(r)])
+    assert_line(score, "poor", r.time, each.mean(axis=0))
+    table = comparison.table()
+    drawn = {tuple(c.lines[0].get_xydata()[0]) for c in pairs.containers}
+    assert drawn == {(one.paired.difference, row) for row, one in enumerate(table[1:])}
+    for text, one in zip(pairs.texts, table[1:], strict=True):
+        assert one.model in text.get_text()
+        assert one.verdict in text.get_text()
+    for ax in (position, orientation, score, nees, covered):
+        assert_outage_is_shaded(ax)
+        assert any(np.all(np.asarray(one.get_xdata()) == table.time) for one in ax.lines)
+    assert figure.get_suptitle() == f"{N - 1} common runs along figure of eight; truth: MTi-G"
+
+
+def test_the_overview_of_one_model(reference):
+    figure = plot_comparison(Comparison(reference, {"only": make_runs("only", 5)}), at=30.0)
+    assert figure.axes[-1].get_title() == "difference in the same runs at 30 s"

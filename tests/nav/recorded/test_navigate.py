@@ -1,0 +1,152 @@
+"""Plain navigation on sensor arrays: the filter of the Monte Carlo, without a reference."""
+
+from dataclasses import replace
+
+import jax
+import jaxtyping
+import numpy as np
+import pytest
+from nav import setups
+
+import gmwm_jax as gj
+import nav_jax as nj
+from nav_jax.filter.status import Status
+
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
+REFERENCE = nj.lemniscate(6.0, setups.RATE)
+ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
+START = nj.InitialUncertainty(0.1, 0.05, 0.005)
+SENSORS = (
+    nj.GnssPosition(3.0, horizontal=0.3, vertical=0.5),
+    nj.GnssVelocity(1.0, horizontal=0.05, vertical=0.1, outages=((2.5, 4.5),)),
+    nj.Barometer(2.0, height=0.5, first=0.0),
+)
+
+
+@pytest.fixture(scope="module")
+def emulated():
+    """One run of the Monte Carlo, what came of it, and the same numbers as arrays."""
+    e = nj.prepare(REFERENCE, SENSORS, rate=setups.RATE, initial=START)
+    inputs = nj.draw_inputs(e, ERRORS, nj.run_keys(jax.random.key(8), 0, 1))
+    outcome = nj.run_filter(e, ERRORS, inputs)
+    perfect, truth = nj.perfect_imu(REFERENCE, setups.RATE)
+    errors = np.zeros((600, 6))
+    errors[setups.samples(e)] = np.asarray(setups.given(e, inputs).errors.per_step).reshape(-1, 6)
+    imu = replace(perfect, accel=perfect.accel + errors[:, :3], gyro=perfect.gyro + errors[:, 3:])
+    times = np.cumsum(np.asarray(e.timeline.dt)[np.asarray(e.timeline.pattern)].sum(axis=(1, 2)))
+    aiding, column = [], 0
+    for sensor, (_, segments) in zip(SENSORS, e.fixes, strict=True):
+        K, at = len(sensor.axes), np.asarray(segments)
+        aiding.append(nj.Fixes(sensor, times[at], np.asarray(inputs.z)[at, column : column + K, 0]))
+        column += K
+    start = {
+        n: np.asarray(getattr(inputs.start, f))[:, 0]
+        for n, f in zip(("position", "velocity", "quaternion"), "pvq", strict=True)
+    }
+    return e, outcome, imu, tuple(aiding), start, truth, times
+
+
+def navigate(emulated, **options):
+    _, _, imu, aiding, start, *_ = emulated
+    given = {"imu": imu, "aiding": aiding, "errors": ERRORS, **start, "initial": START, **options}
+    return nj.navigate(given.pop("imu"), given.pop("aiding"), given.pop("errors"), **given)
+
+
+def test_it_is_the_run_of_the_monte_carlo(emulated):
+    """The same numbers give the same estimate, deviations and innovations."""
+    _, outcome, *_, times = emulated
+    solution = navigate(emulated)
+    assert solution.status is Status.ok
+    at = [int(np.flatnonzero(np.abs(times - t) < 1e-9)[-1]) for t in solution.time]
+    np.testing.assert_allclose(solution.sd, np.asarray(outcome.judgement.sd)[at, :, 0], rtol=1e-9, atol=1e-12)
+    x = np.asarray(outcome.state.x)[at, :, 0]
+    np.testing.assert_allclose(solution.sensor_errors[:, :3], x, rtol=1e-8, atol=1e-12)
+    column = 0
+    for sensor, fixes in zip(SENSORS, emulated[3], strict=True):
+        K = len(sensor.axes)
+        m = [int(np.flatnonzero(np.abs(times - t) < 1e-9)[-1]) for t in fixes.time]
+        nu = np.asarray(outcome.innovation)[m, column : column + K, 0]
+        np.testing.assert_allclose(solution.innovation[sensor.name], nu, rtol=0, atol=1e-9)
+        s = np.asarray(outcome.variance)[m, column : column + K, 0]
+        np.testing.assert_allclose(solution.nis[sensor.name], (nu**2 / s).sum(axis=1), rtol=1e-7)
+        column += K
+    assert "finished" in repr(solution)
+    assert "NIS of barometer" in repr(solution)
+
+
+def test_free_inertial_navigation_returns_the_motion():
+    imu, truth = nj.perfect_imu(REFERENCE, setups.RATE)
+    solution = nj.navigate(
+        imu,
+        (),
+        ERRORS,
+        position=truth.position[0],
+        velocity=truth.velocity[0],
+        quaternion=truth.quaternion[0],
+        initial=nj.InitialUncertainty(),
+        output_interval=2.0,
+    )
+    np.testing.assert_allclose(solution.trajectory.position, truth.position, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(solution.trajectory.time, truth.time, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(solution.time, [2, 4, 6])
+    assert np.all(np.diff(solution.sd[:, 0]) > 0)
+    assert solution.nis == {}
+
+
+def test_fewer_covariance_steps(emulated):
+    one, ten = navigate(emulated), navigate(emulated, every=10)
+    np.testing.assert_allclose(ten.sd, one.sd, rtol=1e-3)
+    assert len(ten.trajectory) < len(one.trajectory) / 5
+
+
+def test_a_filter_that_fails_says_so(emulated):
+    imu = emulated[2]
+    accel = imu.accel.copy()
+    accel[300:310] = 1e308
+    broken = replace(imu, accel=accel)
+    with pytest.raises(RuntimeError, match="became infinite or NaN"):
+        navigate(emulated, imu=broken)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"quaternion": np.array([1.0, 0.1, 0.0, 0.0])}, "length 1"),
+        ({"errors": ERRORS.at_rate(50.0)}, r"at_rate\(100\)"),
+        ({"position": np.zeros(2)}, "position"),
+        ({"velocity": np.array([0.0, np.nan, 0.0])}, "velocity"),
+        ({"every": 0}, "every"),
+        ({"output_interval": 100.0}, "longer than the record"),
+        ({"aiding": (nj.Fixes(SENSORS[2], np.array([7.0]), np.zeros((1, 1))),)}, "outside the run"),
+        ({"aiding": (nj.Fixes(SENSORS[2], np.array([1.0]), np.zeros((1, 1))),) * 2}, "one name"),
+    ],
+)
+def test_bad_input(emulated, options, message):
+    with pytest.raises(ValueError, match=message):
+        navigate(emulated, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"), [({"initial": 0.1}, "InitialUncertainty"), ({"earth": 9.8}, "FlatEarth")]
+)
+def test_a_start_or_an_earth_of_another_class(emulated, options, message, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # which is not there outside of tests
+    with pytest.raises(ValueError, match=f"must be of the class {message}"):
+        navigate(emulated, **options)
+    with pytest.raises(ValueError, match=f"must be of the class {message}"):
+        nj.prepare(REFERENCE, SENSORS, rate=setups.RATE, **options)
+
+
+@pytest.mark.parametrize(
+    ("time", "value", "message"),
+    [
+        (np.zeros(0), np.zeros((0, 1)), "has no fix"),
+        (np.array([1.0, 1.0]), np.zeros((2, 1)), "increase"),
+        (np.array([1.0, 2.0]), np.array([[0.0], [np.nan]]), "barometer"),
+        (np.array([1.0, 2.0]), np.zeros((2, 3)), "barometer"),
+    ],
+)
+def test_bad_fixes(time, value, message):
+    with pytest.raises(ValueError, match=message):
+        nj.Fixes(SENSORS[2], time, value)
