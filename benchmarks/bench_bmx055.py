@@ -35,8 +35,8 @@ def child(num_samples: int, seed: int) -> None:
         started = time.perf_counter()
 
     part("import")
-    beta, variance = gj.units.from_continuous("GM", (1 / TRUTH["GM tau_c"], TRUTH["GM sqrt(q)"] ** 2), RATE)
-    (sigma2,) = gj.units.from_continuous("WN", (TRUTH["WN N"] ** 2,), RATE)
+    beta, variance = gj.processes.from_continuous("GM", (1 / TRUTH["GM tau_c"], TRUTH["GM sqrt(q)"] ** 2), RATE)
+    (sigma2,) = gj.processes.from_continuous("WN", (TRUTH["WN N"] ** 2,), RATE)
     truth = gj.WN(sigma2) + gj.GM(beta, variance)
     x = np.asarray(gj.simulate(truth, num_samples, key=jax.random.key(seed)))
     part("simulate")

@@ -17,10 +17,6 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from gmwm_jax._internal.checks import as_float, sampling_rate
-from gmwm_jax.processes.continuous import ContinuousForm, continuous_form
-from gmwm_jax.processes.registry import process_class
-
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
 
@@ -195,49 +191,3 @@ def require_si(unit: str) -> None:
         raise ValueError(
             f"unit is one of {', '.join(SI_SIGNALS)}, and is {unit!r}: Recording.from_array converts samples in others."
         )
-
-
-def to_continuous(kind: str, parameters: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
-    """Per-sample parameters of a process to its continuous-time filter quantities, in SI.
-
-    Parameters
-    ----------
-    kind
-        ``WN``, ``GM``, ..
-    parameters
-        In the order of the process class: (sigma2,) of WN, (beta, variance) of GM.
-    rate
-        Sampling rate in Hz.
-
-    Returns
-    -------
-    WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s] and q [u^2/s], NaN for an AR1 with
-    phi <= 0, which has no continuous form; MAT32 and MAT52: beta [1/s] and q [u^2/s^3, u^2/s^5]; BI: B [u]; FGN: H and
-    the PSD at 1 Hz [u^2/Hz]; SIN: omega [rad/s] and alpha2 [u^2].
-
-    Raises
-    ------
-    ValueError
-        Unknown process, one without such a form (ARMA), another number of parameters, a rate that is not positive.
-    RuntimeError
-        x64 is off.
-    """
-    form, values = _form(kind, parameters)
-    f = sampling_rate(rate)
-    return tuple(q.value(*values, f) for q in form.filter)
-
-
-def from_continuous(kind: str, quantities: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
-    """Inverse of `to_continuous`: continuous-time filter quantities in SI to per-sample parameters."""
-    form, values = _form(kind, quantities)
-    assert form.inverse is not None  # `_form` has seen to it
-    return form.inverse(*values, sampling_rate(rate))
-
-
-def _form(kind: str, values: tuple[Any, ...]) -> tuple[ContinuousForm, tuple[Any, ...]]:
-    form = continuous_form(process_class(kind))
-    if form.inverse is None:
-        raise ValueError(f"{kind} has no continuous-time form: its coefficients belong to the sampling rate.")
-    if len(values) != len(form.filter):
-        raise ValueError(f"{kind} has {len(form.filter)} parameters, and {len(values)} were given.")
-    return form, tuple(as_float(v) for v in values)

@@ -25,8 +25,8 @@ Bar-Shalom, Y., Li, X. R. & Kirubarajan, T. (2001). Estimation with Applications
 
 from nav_jax.aiding.barometer import Barometer as Barometer
 from nav_jax.aiding.base import AbstractAiding as AbstractAiding
-from nav_jax.aiding.gnss_position import GnssPosition as GnssPosition
-from nav_jax.aiding.gnss_velocity import GnssVelocity as GnssVelocity
+from nav_jax.aiding.gnss import GnssPosition as GnssPosition
+from nav_jax.aiding.gnss import GnssVelocity as GnssVelocity
 from nav_jax.filter.experiment import Experiment as Experiment
 from nav_jax.filter.experiment import draw_inputs as draw_inputs
 from nav_jax.filter.experiment import gains_of as gains_of
@@ -60,7 +60,7 @@ from nav_jax.lincov.filter_design import design as design
 from nav_jax.recorded.files import read_fixes as read_fixes
 from nav_jax.recorded.files import read_imu as read_imu
 from nav_jax.recorded.likelihood import innovation_loss as innovation_loss
-from nav_jax.recorded.navigation import Fixes as Fixes
+from nav_jax.aiding.fixes import Fixes as Fixes
 from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate
 from nav_jax.recorded.tuning import Tuning as Tuning

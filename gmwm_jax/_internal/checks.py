@@ -1,6 +1,7 @@
-"""Input checks: each raises a ValueError that says what was seen and what to change."""
+"""Input checks: each raises an error that says what was seen and what to change."""
 
 import operator
+from typing import Any
 
 import jax
 import jax.core
@@ -14,11 +15,11 @@ def require_x64() -> None:
     Raises
     ------
     RuntimeError
-        Wavelet variances span 1e-20 to 1 and single precision keeps 7 digits: results would be noise.
+        Wavelet variances span 1e-20 to 1, and positions in km to 1e-6 m need 10 digits; single precision keeps 7.
     """
     if not jax.config.read("jax_enable_x64"):
         raise RuntimeError(
-            "gmwm_jax needs 64-bit floats, and JAX is in its 32-bit default. Put\n"
+            "gmwm_jax and nav_jax need 64-bit floats, and JAX is in its 32-bit default. Put\n"
             '    import jax; jax.config.update("jax_enable_x64", True)\n'
             "before the first JAX computation, or set the environment variable JAX_ENABLE_X64=1."
         )
@@ -154,3 +155,65 @@ def as_float(value: object) -> jax.Array:
     """Return a float64 JAX array: a Python float in a pytree would retrace for every new value."""
     require_x64()
     return jnp.asarray(value, dtype=jnp.float64)
+
+
+def real_array(what: str, value: object, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Return a finite float64 array of a shape (None: any length), or raise.
+
+    A copy that cannot be written to, so that what was checked stays true.
+    """
+    seen = np.ma.filled(value.astype(np.float64), np.nan) if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
+    if seen.dtype.kind not in "iuf":
+        raise ValueError(f"{what} must hold real numbers, and is of dtype {seen.dtype}.")
+    if seen.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, seen.shape, strict=True)):
+        wanted = ", ".join("N" if n is None else str(n) for n in shape)
+        raise ValueError(f"{what} has the shape ({wanted}), time on axis 0, and this one {seen.shape}.")
+    copy = np.array(seen, dtype=np.float64)
+    bad = np.argwhere(~np.isfinite(copy))
+    if len(bad):
+        first = tuple(int(i) for i in bad[0])
+        where = f"index {first[0]}" + (f", component {first[1]}" if len(first) > 1 else "")
+        raise ValueError(
+            f"{what} holds {len(bad)} values that are NaN or infinite, the first ({copy[first]}) at {where}. Cut the "
+            "record there or repair it."
+        )
+    copy.flags.writeable = False
+    return copy
+
+
+def increasing(what: str, time: np.ndarray) -> None:
+    """Raise unless a vector of at least two times increases."""
+    if len(time) < 2:
+        raise ValueError(f"{what} has {len(time)} epochs, and at least two are needed.")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        i = int((steps <= 0).argmax()) + 1
+        raise ValueError(
+            f"{what} does not increase at index {i}: {time[i - 1]} is followed by {time[i]}. The clock was reset, "
+            "times were written with too few digits, or this is not the column of time."
+        )
+
+
+def number(name: str, value: object, *, zero_ok: bool = False, negative_ok: bool = False) -> float:
+    """Return a finite number as a float, positive unless told otherwise, or raise."""
+    try:
+        x = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        x = float("nan")
+    if not np.isfinite(x) or (x < 0 and not negative_ok) or (x == 0 and not (zero_ok or negative_ok)):
+        kind = "finite" if negative_ok else "non-negative and finite" if zero_ok else "positive and finite"
+        raise ValueError(f"{name} must be a {kind} number, and is {value!r}.")
+    return x
+
+
+def probability(name: str, value: Any) -> float:
+    """Return a number between 0 and 1, both excluded, or raise."""
+    if not 0 < value < 1:
+        raise ValueError(f"{name} is a probability between 0 and 1, and is {value!r}.")
+    return float(value)
+
+
+def of_kind(name: str, value: object, kind: type) -> None:
+    """Raise unless a value is of a class of this package."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} must be of the class {kind.__name__}, and is {value!r}.")

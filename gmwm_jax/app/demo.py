@@ -13,7 +13,8 @@ from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fits
 from gmwm_jax.fitting.tables import Estimate, continuous_table
 from gmwm_jax.recordings import datasets
-from gmwm_jax.variance.allan import allan_deviation, read_off
+from gmwm_jax.variance.allan import allan_deviation
+from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.variance.wavelet import wavelet_variance
 
 _SENSOR = "mti-g"

@@ -12,7 +12,8 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax.fitting.standard_errors import delta_method, normal_quantile, parameter_covariance
+from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import AT, ZERO, EstimateTable, continuous_table, parameter_table
 from gmwm_jax.fitting.weights import COVARIANCE, ITERATED, covariance_weights, two_step_weights
 from gmwm_jax.processes.base import AbstractProcess, Composite

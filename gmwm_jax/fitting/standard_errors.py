@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
-from scipy.special import ndtri
 
 from gmwm_jax.processes.base import Composite
 
@@ -137,11 +136,6 @@ def _delta_method(quantity: Any, model: Composite, active: Any, covariance: Any)
 def evaluate(quantity: Callable[[Composite], Array], model: Composite) -> Array:
     """Value of a (hashable) function of the model, compiled as a whole."""
     return quantity(model)
-
-
-def normal_quantile(level: float) -> float:
-    """Return z such that a normal variable lies within +-z with probability `level` (1.96 for 0.95)."""
-    return float(ndtri((1 + level) / 2))
 
 
 def _jacobian(quantity: Callable[[Composite], Array], model: Composite, active: Any) -> Array:

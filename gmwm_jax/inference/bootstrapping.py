@@ -4,17 +4,23 @@ The wavelet variances of the replicates are those of simulated records, or drawn
 `gmwm_jax.variance.replicates`.
 """
 
+from dataclasses import dataclass, replace
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.figure import Figure
 
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.refit import Refits, refit
 from gmwm_jax.fitting.result import Fit
+from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.fitting.weights import require_theory
-from gmwm_jax.inference.replicates import RECORDS, VARIANCES, Bootstrap
+from gmwm_jax.inference.intervals import continuous_intervals, interval, replicates_needed
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
 _CHUNK = 64
@@ -91,3 +97,146 @@ def bootstrap(
     nu = np.concatenate([nu for nu, _ in done])
     refits = Refits(*(np.concatenate(leaves) for leaves in zip(*(r for _, r in done), strict=True)))
     return Bootstrap(fit, route, nu, *refits, num_requested=num_replicates)
+
+
+RECORDS, VARIANCES = "records", "variances"
+
+
+@dataclass(frozen=True, repr=False)
+class Bootstrap:
+    """B replicates of a fit.
+
+    Attributes
+    ----------
+    fit
+        What was replicated: its model is the truth of every replicate.
+    route
+        ``variances`` or ``records``.
+    variances
+        Wavelet variances of the replicates, shape (B, J).
+    values
+        Estimates, shape (B, P), parameters per sample in the order of the model.
+    objective
+        Of each replicate, shape (B,).
+    converged
+        Which searches converged; the others count as failures and enter nothing.
+    num_requested
+        More than B if it was interrupted.
+    """
+
+    fit: Fit
+    route: str
+    variances: Float[np.ndarray, "B J"]
+    values: Float[np.ndarray, "B P"]
+    objective: Float[np.ndarray, " B"]
+    converged: Bool[np.ndarray, " B"]
+    num_requested: int
+
+    @property
+    def num_failed(self) -> int:
+        """Replicates whose search did not converge."""
+        return int((~self.converged).sum())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the P parameters, as ``GM_1 beta``."""
+        model = self.fit.model
+        return tuple(
+            f"{label} {q.name}" for label, p in zip(model.labels, model.processes, strict=True) for q in p.parameters
+        )
+
+    @property
+    def good(self) -> Float[np.ndarray, "G P"]:
+        """Estimates of the replicates that converged."""
+        return self.values[self.converged]
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "P P"]:
+        """Of the estimates per sample, over the replicates that converged."""
+        return np.atleast_2d(np.cov(self.good, rowvar=False))
+
+    @property
+    def correlation(self) -> Float[np.ndarray, "P P"]:
+        """Of the estimates; NaN for what does not vary."""
+        sd = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.covariance / np.outer(sd, sd)
+
+    @property
+    def p_value(self) -> float:
+        """Share of replicates, the data counted in, whose objective is at least that of the data.
+
+        Small where the model is wrong: it is the test of goodness of fit by the objective itself.
+        """
+        return (1 + int((self.objective[self.converged] >= self.fit.objective).sum())) / (1 + int(self.converged.sum()))
+
+    def interval(
+        self, kind: str = "percentile", level: float | None = None
+    ) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
+        """Both ends of the intervals of all parameters per sample, see `gmwm_jax.inference.intervals.interval`.
+
+        Parameters
+        ----------
+        kind
+            ``percentile``, ``basic`` or ``studentised``.
+        level
+            Confidence, by default that of the fit.
+        """
+        return interval(self.fit, self.good, kind, self.fit.level if level is None else level)
+
+    def parameters(self, kind: str = "percentile", level: float | None = None) -> EstimateTable:
+        """The parameters per sample with intervals from the replicates; arguments as of `interval`."""
+        table = self.fit.parameters()
+        ends = zip(table, *self.interval(kind, level), strict=True)
+        return self._table(table, [replace(e, ci_low=low, ci_high=high) for e, low, high in ends], kind, level)
+
+    def continuous(self, kind: str = "percentile", level: float | None = None) -> EstimateTable:
+        """What a Kalman filter wants, see `Fit.continuous`, with intervals from the replicates."""
+        return self._continuous(self.fit.continuous(), kind, level)
+
+    def datasheet(self, kind: str = "percentile", level: float | None = None) -> EstimateTable:
+        """The units of datasheets, with intervals from the replicates."""
+        return self._continuous(self.fit.datasheet(), kind, level)
+
+    def _continuous(self, table: EstimateTable, kind: str, level: float | None) -> EstimateTable:
+        at = self.fit.level if level is None else level
+        return self._table(table, continuous_intervals(self.fit, self.good, kind, at, table), kind, level)
+
+    def _table(self, table: EstimateTable, shown: list[Estimate], kind: str, level: float | None) -> EstimateTable:
+        title = f"{table.title}, {kind} intervals from {len(self.good)} replicates"
+        return EstimateTable(title, tuple(shown), self.fit.level if level is None else level)
+
+    def __repr__(self) -> str:
+        """What was done, the test of fit, and the parameters if there are replicates enough."""
+        wv, done = self.fit.wv, len(self.values)
+        cut = f" of {self.num_requested} asked for" if done < self.num_requested else ""
+        failed = f"; {self.num_failed} did not converge and are left out" if self.num_failed else ""
+        lines = [
+            f"Bootstrap of {' + '.join(self.fit.model.labels)} on {wv.channels[0]}: {done} replicates{cut} "
+            f"by {self.route}{failed}",
+            f"objective {self.fit.objective:.6g}; as large or larger in the replicates: p = {self.p_value:.3g}",
+        ]
+        if len(self.good) >= replicates_needed(self.fit.level):
+            lines += ["", str(self.parameters())]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was done and the percentile intervals, for JSON; no table if there are too few replicates."""
+        enough = len(self.good) >= replicates_needed(self.fit.level)
+        result: dict[str, Any] = {
+            "route": self.route,
+            "num_replicates": len(self.values),
+            "num_failed": self.num_failed,
+            "p_value": self.p_value,
+            "parameters": self.parameters().to_list() if enough else None,
+        }
+        if self.fit.rate:
+            result["continuous"] = self.continuous().to_list() if enough else None
+            result["datasheet"] = self.datasheet().to_list() if enough else None
+        return result
+
+    def plot(self) -> "Figure":
+        """Replicates of each parameter with estimate and intervals, see `gmwm_jax.plotting.bootstrap`."""
+        from gmwm_jax.plotting.bootstrap import plot_bootstrap
+
+        return plot_bootstrap(self)

@@ -19,7 +19,7 @@ from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.weights import COVARIANCE, TWO_STEP, require_theory
-from gmwm_jax.inference.replicates import RECORDS, VARIANCES
+from gmwm_jax.inference.bootstrapping import RECORDS, VARIANCES
 from gmwm_jax.multisignal._pool import Pool
 from gmwm_jax.multisignal._refit import CHUNK, joint_refit
 from gmwm_jax.multisignal.joint import JointFit, one_channel

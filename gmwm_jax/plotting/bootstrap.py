@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from gmwm_jax.fitting.tables import Estimate
 from gmwm_jax.inference.intervals import replicates_needed
-from gmwm_jax.inference.replicates import Bootstrap
+from gmwm_jax.inference.bootstrapping import Bootstrap
 
 _DRAWS, _ESTIMATE, _THEORY = "#2a7f8e", "#c23b22", "0.35"
 

@@ -19,7 +19,8 @@ from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.regression.regression import Regression
-from gmwm_jax.variance.allan import AllanDeviation, SlopeRegression
+from gmwm_jax.variance.allan import AllanDeviation
+from gmwm_jax.fitting.slopes import SlopeRegression
 from gmwm_jax.variance.robust_comparison import RobustComparison
 from gmwm_jax.variance.wavelet import WaveletVariance
 

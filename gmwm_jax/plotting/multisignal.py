@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gmwm_jax.fitting.standard_errors import normal_quantile
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.multisignal.comparison import RecordComparison
 from gmwm_jax.multisignal.cross_validation import CrossValidation
 from gmwm_jax.multisignal.joint import JointFit, JointFits

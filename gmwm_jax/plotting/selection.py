@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gmwm_jax.fitting.standard_errors import normal_quantile
-from gmwm_jax.inference.candidates import Candidate, Selection, Selections
+from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax.inference.selection import Candidate, Selection, Selections
 
 _SHOWN = 20
 _RECOMMENDED, _EQUIVALENT, _WORSE = "#c23b22", "#2a7f8e", "0.6"

@@ -13,7 +13,8 @@ from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
-from gmwm_jax.units import convert, from_continuous, unit
+from gmwm_jax.units import convert, unit
+from gmwm_jax.processes.continuous import from_continuous
 
 _ENTRY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^-+.\d\s].*?)?\s*")
 # entry -> (process, what its SI unit adds to the signal's, datasheet value -> filter quantity)

@@ -33,7 +33,7 @@ from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, samp
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit
-from gmwm_jax.fitting.standard_errors import normal_quantile
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.weights import TWO_STEP
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.drift import DR
@@ -42,7 +42,7 @@ from gmwm_jax.processes.whitening import GeneralisedLeastSquares, covariance_tim
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.regression.regressors import Design, checked_record, checked_time, design
 from gmwm_jax.units import require_si
-from gmwm_jax.variance._blocked import host_wavelet_variance
+from gmwm_jax.variance.blocked import host_wavelet_variance
 from gmwm_jax.variance.gaps import (
     find_pairs,
     gap_degrees_of_freedom,

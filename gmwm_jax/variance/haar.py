@@ -11,7 +11,7 @@ half the Allan variance at the averaging time n samples. The DWT keeps every 2^j
 The interval is chi-square with eta_j = max(M_j/2^j, 1) degrees of freedom ("eta 3" of Percival 1995).
 
 Two paths, one definition: `haar_wavelet_variance` is a pure JAX function for vmap, jit and grad;
-`gmwm_jax.variance._blocked` computes recordings at memory speed. A test holds them equal.
+`gmwm_jax.variance.blocked` computes recordings at memory speed. A test holds them equal.
 """
 
 from typing import Any

@@ -37,7 +37,7 @@ from jaxtyping import Float, Shaped
 from scipy.optimize import brentq
 
 from gmwm_jax._internal.checks import finite_record
-from gmwm_jax.variance._blocked import working_array
+from gmwm_jax.variance.blocked import working_array
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, scales
 
 LOWEST, HIGHEST = 0.5, 0.99

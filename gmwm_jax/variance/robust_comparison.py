@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.recordings.outliers import OutlierRun
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.haar import degrees_of_freedom
 from gmwm_jax.variance.robust import biweight, widening
@@ -25,18 +26,6 @@ _CHANCE = 0.05
 """That a clean record has a scale marked, or that it has a sample marked: each over all scales or samples together."""
 _SHOWN = 10
 """Runs of outliers in the table."""
-
-
-@dataclass(frozen=True)
-class OutlierRun:
-    """Neighbouring samples that are outliers."""
-
-    first: int
-    """Index of the first of them."""
-    last: int
-    size: float
-    """In robust scales: the largest wavelet coefficient of span 2 (half a step between neighbours), or, of
-    `mask_outliers`, deviation from a running median."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -24,7 +24,7 @@ from gmwm_jax._internal.checks import (
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.units import require_si
-from gmwm_jax.variance._blocked import blocks_to_file, host_wavelet_variance
+from gmwm_jax.variance.blocked import blocks_to_file, host_wavelet_variance
 from gmwm_jax.variance.gaps import variance_by_pairs
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, haar_dwt_variance, interval_factors, scales
 from gmwm_jax.variance.robust import biweight, robust_wavelet_variance, widening

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, noises, timing
 from nav_jax.imu.noise_models import NoiseModel
 

@@ -15,8 +15,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
-from gmwm_jax._internal.nav_checks import as_float, number, positive, sampling_rate
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.checks import as_float, number, positive, sampling_rate
+from gmwm_jax._internal.typing import Real
 from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw, white_sd
 
 _TOLERANCE = 1e-6

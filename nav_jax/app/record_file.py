@@ -35,7 +35,7 @@ from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import STANDARD_GRAVITY, FlatEarth
 from nav_jax.recorded.files import read_fixes, read_imu
-from nav_jax.recorded.navigation import Fixes
+from nav_jax.aiding.fixes import Fixes
 from nav_jax.recorded.tuning import Tuning, tune
 
 _SECTIONS = ("record", "filters", "aiding", "initial", "run", "output")

@@ -15,8 +15,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int, Key
 
-from gmwm_jax._internal.nav_checks import integer, number, of_kind
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.checks import integer, number, of_kind
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.ekf import NavState, inject
 from nav_jax.filter.initial import InitialUncertainty

@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.nav_checks import as_float, concrete, positive
+from gmwm_jax._internal.checks import as_float, concrete, positive
 
 
 class InitialUncertainty(eqx.Module):

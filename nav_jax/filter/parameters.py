@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.nav_checks import concrete
+from gmwm_jax._internal.checks import concrete
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from gmwm_jax import Composite, StateSpace, read_recording, units
-from gmwm_jax._internal.nav_checks import as_float, concrete, positive, sampling_rate
-from gmwm_jax._internal.nav_typing import Real
-from gmwm_jax.recordings import datasets
+from gmwm_jax import Composite, datasets, read_recording, units
+from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
+from gmwm_jax._internal.checks import as_float, concrete, positive, sampling_rate
+from gmwm_jax._internal.typing import Real
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form
@@ -312,9 +312,9 @@ def _three(name: str, value: Any) -> Float[Array, "3"]:
 def _at_rate(model: Composite, old: float, new: float) -> Composite:
     processes = []
     for p in model.processes:
-        continuous = units.to_continuous(p.kind, p.values, old)
+        continuous = to_continuous(p.kind, p.values, old)
         if any((seen := concrete(c)) is not None and not np.isfinite(seen) for c in continuous):
             raise ValueError(f"{p!r} has no continuous-time form, and so none at another rate.")
         build: Any = type(p)
-        processes.append(build(*units.from_continuous(p.kind, continuous, new)))
+        processes.append(build(*from_continuous(p.kind, continuous, new)))
     return Composite(processes)

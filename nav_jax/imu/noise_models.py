@@ -10,7 +10,7 @@ from jax import Array
 from jaxtyping import Float, Key
 
 from gmwm_jax import GM, RW, WN, Composite, StateSpace, parse_model, simulate
-from gmwm_jax._internal.nav_checks import as_float, concrete, positive
+from gmwm_jax._internal.checks import as_float, concrete, positive
 
 NoiseModel = Composite
 """The noise of one axis of a sensor; no other file needs to know whose class it is."""

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from gmwm_jax._internal.nav_checks import real_array, sampling_rate
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.checks import real_array, sampling_rate
+from gmwm_jax._internal.typing import Real
 
 
 class RecordedErrors:

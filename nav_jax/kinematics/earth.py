@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._internal.nav_checks import as_float, positive
-from gmwm_jax._internal.nav_typing import FloatLike, Scalar, Vector, Vectors
+from gmwm_jax._internal.checks import as_float, positive
+from gmwm_jax._internal.typing import FloatLike, Scalar, Vector, Vectors
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity in m/s^2 (CGPM 1901)."""

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.nav_typing import Matrix, Quaternion, Vector
+from gmwm_jax._internal.typing import Matrix, Quaternion, Vector
 
 _SMALL = 4e-3
 """Squared angle below which four terms of a series are exact to 1e-17."""

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.nav_typing import Quaternion, Vector
+from gmwm_jax._internal.typing import Quaternion, Vector
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.kinematics.rotation import (
     alternating,

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import Setup, check_rates

@@ -15,8 +15,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float64, Key
 
-from gmwm_jax._internal.nav_checks import integer, typed_key
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.checks import integer, typed_key
+from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty

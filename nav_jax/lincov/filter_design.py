@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
-from gmwm_jax._internal.nav_checks import integer
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.checks import integer
+from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding

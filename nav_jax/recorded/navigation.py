@@ -10,10 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, Int
 
-from gmwm_jax._internal.nav_checks import increasing, integer, number, of_kind, real_array
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.checks import integer, number, of_kind, real_array
+from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table
 from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.ekf import NavState
 from nav_jax.filter.experiment import start_covariance, timeline_of
 from nav_jax.filter.initial import InitialUncertainty
@@ -27,41 +28,6 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.trajectory.trajectory import Trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class Fixes:
-    """Measurements of an aiding sensor, as recorded.
-
-    Attributes
-    ----------
-    sensor
-        Which kind, and with ``believed`` how good; its rate and outages are not used.
-    time
-        s, on the clock of the IMU, on or off its grid, shape (F,).
-    value
-        Shape (F, K), one column an axis of the sensor.
-
-    Raises
-    ------
-    ValueError
-        No fix, NaN, times that do not increase, another number of columns than the sensor has axes.
-    """
-
-    sensor: AbstractAiding
-    time: Float64[np.ndarray, " F"]
-    value: Float64[np.ndarray, "F K"]
-
-    def __post_init__(self) -> None:
-        name = self.sensor.name
-        time = real_array(f"The time of {name}", self.time, (None,))
-        if not len(time):
-            raise ValueError(f"{name} has no fix: leave it out.")
-        if len(time) > 1:
-            increasing(f"The time of {name}", time)
-        value = real_array(f"{name} ({', '.join(self.sensor.axes)})", self.value, (len(time), len(self.sensor.axes)))
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "value", value)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from gmwm_jax._internal.nav_checks import integer, of_kind, probability
-from gmwm_jax._internal.nav_checks import number as check_number
+from gmwm_jax._internal.checks import integer, of_kind, probability
+from gmwm_jax._internal.checks import number as check_number
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding
@@ -24,7 +24,8 @@ from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.recorded._search import Objective, search
 from nav_jax.recorded.likelihood import Model, Record
-from nav_jax.recorded.navigation import Fixes, prepare_navigation
+from nav_jax.recorded.navigation import prepare_navigation
+from nav_jax.aiding.fixes import Fixes
 from nav_jax.statistics.distributions import normal_quantile
 
 if TYPE_CHECKING:

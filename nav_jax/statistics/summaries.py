@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import stdtr
 
-from gmwm_jax._internal.nav_checks import integer, probability
+from gmwm_jax._internal.checks import integer, probability
 from nav_jax.statistics import distributions as dist
 
 

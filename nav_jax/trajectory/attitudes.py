@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from gmwm_jax._internal.nav_typing import Quaternions, Real, Times, Vectors
+from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import STANDARD_GRAVITY
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm_jax._internal.nav_checks import real_array
+from gmwm_jax._internal.checks import real_array
 from gmwm_jax._internal.nav_columns import Columns, plain
 from nav_jax.kinematics.earth import STANDARD_GRAVITY
 

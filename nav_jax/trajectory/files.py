@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax._internal.nav_checks import real_array, require_x64
+from gmwm_jax._internal.checks import real_array, require_x64
 from gmwm_jax._internal.nav_columns import open_source
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.typing import Real
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
 from nav_jax.trajectory.columns import ATTITUDE, POSITION, VELOCITY, Reader, choose

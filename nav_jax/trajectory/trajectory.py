@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
-from gmwm_jax._internal.nav_checks import increasing, number, real_array, require_x64, sampling_rate
-from gmwm_jax._internal.nav_typing import Quaternions, Real, Times, Vectors
+from gmwm_jax._internal.checks import increasing, number, real_array, require_x64, sampling_rate
+from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from gmwm_jax._internal.text_table import format_table
 from nav_jax.kinematics import rotation
 

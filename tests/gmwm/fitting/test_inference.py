@@ -8,7 +8,8 @@ import pytest
 import gmwm_jax as gj
 from gmwm_jax.fitting import standard_errors as inference
 from gmwm_jax.fitting.result import Status
-from gmwm_jax.fitting.standard_errors import delta_method, normal_quantile, parameter_covariance
+from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import LogQuantities
 from gmwm_jax.processes.continuous import CONTINUOUS
 

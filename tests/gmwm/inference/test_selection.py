@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 
 import gmwm_jax as gj
 from gmwm_jax.inference import _sweep as module
-from gmwm_jax.inference._submodels import common_superset, submodels, text_of
+from gmwm_jax.inference._sweep import common_superset, submodels, text_of
 from gmwm_jax.inference.selection import tangents
 from gmwm_jax.variance.replicates import variance_draws
 

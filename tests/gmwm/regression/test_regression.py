@@ -8,7 +8,7 @@ import pytest
 from helpers import SIGMAS, assert_mean
 
 import gmwm_jax as gj
-from gmwm_jax.variance._blocked import host_wavelet_variance
+from gmwm_jax.variance.blocked import host_wavelet_variance
 
 MODELS = (
     "WN(sigma2=2.0)",

@@ -14,7 +14,8 @@ from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
-from gmwm_jax.units import UNITS, convert, from_continuous, signal_unit, to_continuous, unit
+from gmwm_jax.units import UNITS, convert, signal_unit, unit
+from gmwm_jax.processes.continuous import from_continuous, to_continuous
 
 DEG = 0.017453292519943295
 

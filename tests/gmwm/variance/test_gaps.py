@@ -12,7 +12,7 @@ from helpers import assert_mean
 import gmwm_jax as gj
 from gmwm_jax.fitting.refit import refit
 from gmwm_jax.variance import gap_covariance as theory
-from gmwm_jax.variance._blocked import host_wavelet_variance
+from gmwm_jax.variance.blocked import host_wavelet_variance
 from gmwm_jax.variance.gaps import find_pairs, gap_wavelet_variance, quadratic_forms_times, white_widening
 from gmwm_jax.variance.haar import degrees_of_freedom, interval_factors, scales
 from gmwm_jax.variance.replicates import record_draws

@@ -1,13 +1,14 @@
-"""What GNSS position and velocity share: three components, two of them horizontal."""
+"""GNSS: fixes of position and of velocity, three components, two of them horizontal."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.nav_typing import Real
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, noises, timing
 from nav_jax.imu.noise_models import NoiseModel
 
@@ -61,3 +62,29 @@ class AbstractNed(AbstractAiding):
         self.rate, self.first, self.outages = timing(self.name, rate, first, outages)
         sd = None if believed is None else (believed[0], believed[0], believed[1])
         self.noise, self.believed = noises(self.name, (horizontal, horizontal, vertical), sd)
+
+
+class GnssPosition(AbstractNed):
+    """Position fixes in m, north, east, down; the parameters are those of `AbstractNed`."""
+
+    unit: ClassVar[str] = "m"
+    default_name: ClassVar[str] = "gnss_position"
+
+    def predict(self, p, v):  # noqa: D102
+        return p
+
+    def jacobian(self):  # noqa: D102
+        return jnp.eye(9)[0:3]
+
+
+class GnssVelocity(AbstractNed):
+    """Velocity fixes in m/s, north, east, down; the parameters are those of `AbstractNed`."""
+
+    unit: ClassVar[str] = "m/s"
+    default_name: ClassVar[str] = "gnss_velocity"
+
+    def predict(self, p, v):  # noqa: D102
+        return v
+
+    def jacobian(self):  # noqa: D102
+        return jnp.eye(9)[3:6]

@@ -1,0 +1,166 @@
+"""TODO: what this file is."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from gmwm_jax._internal.checks import sampling_rate
+from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax.fitting.tables import Estimate, EstimateTable
+from gmwm_jax.processes.base import Composite
+from gmwm_jax.processes.continuous import CONTINUOUS, from_continuous
+from gmwm_jax.processes.registry import PROCESSES
+from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
+from gmwm_jax.variance.gap_covariance import covariance_under
+
+# Allan deviation = coefficient * factor * T^slope (IEEE 952, annex C), symbols as there
+_SLOPES: dict[str, tuple[float, float, str]] = {
+    "QN": (-1.0, math.sqrt(3.0), "Q"),
+    "WN": (-0.5, 1.0, "N"),
+    "RW": (0.5, 1 / math.sqrt(3.0), "K"),
+    "DR": (1.0, 1 / math.sqrt(2.0), "R"),
+}
+
+
+def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
+    """N, B and K of one channel as IEEE 952 reads them off the curve.
+
+    N is read where the local slope comes closest to -1/2, as the value of that line at 1 s; K where it comes closest
+    to +1/2, at 3 s; B is the minimum divided by 0.664.
+
+    Parameters
+    ----------
+    adev
+        One channel.
+    tolerance
+        How far from -1/2 or +1/2 a slope may be; beyond it the coefficient is not there to be read.
+
+    Returns
+    -------
+    EstimateTable
+        N [u/sqrt(Hz)], B [u], K [u/sqrt(s)] in SI. Intervals are those of the deviation at the point that was read;
+        they know nothing of other processes in it. A coefficient that cannot be read is NaN, and the note says why.
+    """
+    _require_single(adev)
+    T, d = adev.times, adev.deviation
+    if len(T) < 3:
+        raise ValueError(f"Slopes need at least 3 averaging times, and there are {len(T)}.")
+    slopes = np.gradient(np.log(d), np.log(T))
+    estimates = []
+    for kind in ("WN", "RW"):
+        slope, factor, symbol = _SLOPES[kind]
+        at = int(np.argmin(np.abs(slopes - slope)))
+        unit = _quantity(kind).si_unit(adev.wv.units[0])
+        if abs(slopes[at] - slope) > tolerance:
+            note = f"no slope of {slope:+g} (nearest {slopes[at]:+.2f})"
+            estimates.append(Estimate("Allan", symbol, np.nan, unit, note=note))
+            continue
+        scale = 1 / (factor * T[at] ** slope)
+        values = (float(v[at] * scale) for v in (d, adev.ci_low, adev.ci_high))
+        estimates.append(Estimate("Allan", symbol, next(values), unit, *values, note=f"slope at T = {T[at]:.4g} s"))
+    at = int(np.argmin(d))
+    values = (float(v[at] / FLICKER_FLOOR) for v in (d, adev.ci_low, adev.ci_high))
+    note = f"minimum at T = {T[at]:.4g} s"
+    if at in (0, len(T) - 1):
+        note = f"an upper bound: the minimum is at the {'first' if at == 0 else 'last'} time"
+    estimates.insert(1, Estimate("Allan", "B", next(values), adev.wv.units[0], *values, note=note))
+    return EstimateTable("Read off the Allan deviation (IEEE 952)", tuple(estimates), adev.wv.level)
+
+
+@dataclass(frozen=True, repr=False)
+class SlopeRegression:
+    """Result of `slope_regression`: a coefficient for each process and the model they make."""
+
+    table: EstimateTable
+    model: Composite
+    adev: AllanDeviation
+
+    @property
+    def implied_deviation(self) -> Float[np.ndarray, " J"]:
+        """Allan deviation of the model: the root of the sum of the squares of its components."""
+        return np.sqrt(2 * np.asarray(self.model.wavelet_variance(self.adev.wv.scales)))
+
+    def __repr__(self) -> str:
+        return repr(self.table)
+
+
+def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, float]]) -> SlopeRegression:
+    """Allan variance linear regression (AVLR): mean of log deviation along a given slope over a given range.
+
+    Parameters
+    ----------
+    adev
+        One channel.
+    ranges
+        Process -> (shortest, longest) averaging time in seconds over which it is taken to stand alone, for example
+        ``{"WN": (0.01, 1.0), "RW": (100.0, 1000.0)}``; QN, WN, RW, DR.
+
+    Returns
+    -------
+    SlopeRegression
+        Q, N, K, R in SI. The intervals take the correlation between scales from the theory of the wavelet variance
+        under the implied model; without the record's length and all octaves there are none.
+
+    Raises
+    ------
+    ValueError
+        A process that is no straight line, or a range without an averaging time.
+
+    Notes
+    -----
+    El-Sheimy, Hou & Niu (2008). Not consistent as soon as two processes overlap (Guerrier et al. 2016).
+    """
+    _require_single(adev)
+    f, unit = _rate(adev), adev.wv.units[0]
+    chosen, coefficients = {}, {}
+    for kind, (shortest, longest) in ranges.items():
+        if kind not in _SLOPES:
+            raise ValueError(f"{kind!r} is no straight line in the log Allan deviation; {', '.join(_SLOPES)} are.")
+        inside = (adev.times >= shortest) & (adev.times <= longest)
+        if not np.any(inside):
+            raise ValueError(
+                f"{kind}: no averaging time between {shortest:g} and {longest:g} s; "
+                f"there are {', '.join(f'{t:g}' for t in adev.times)}."
+            )
+        slope, factor, _ = _SLOPES[kind]
+        chosen[kind] = inside
+        coefficients[kind] = float(
+            np.exp(np.mean(np.log(adev.deviation[inside]) - slope * np.log(adev.times[inside]))) / factor
+        )
+    processes = []
+    for kind, coefficient in coefficients.items():
+        filter_value = coefficient**2 if kind in ("WN", "RW") else coefficient
+        build: Any = PROCESSES[kind]
+        processes.append(build(*from_continuous(kind, (filter_value,), f)))
+    model = Composite(processes)
+
+    nu = np.asarray(model.wavelet_variance(adev.wv.scales))
+    V = covariance_under(model, adev.wv)
+    # log deviation = log(nu)/2 + const
+    correlated = None if V is None else V / np.outer(nu, nu) / 4
+    z, estimates = normal_quantile(adev.wv.level), []
+    for kind, value in coefficients.items():
+        w = chosen[kind] / np.sum(chosen[kind])
+        spread = np.nan if correlated is None else z * math.sqrt(w @ correlated @ w)
+        ends = value * np.exp([-spread, spread])
+        symbol = _SLOPES[kind][2]
+        estimates.append(Estimate(kind, symbol, value, _quantity(kind).si_unit(unit), float(ends[0]), float(ends[1])))
+    table = EstimateTable("Allan variance linear regression", tuple(estimates), adev.wv.level)
+    return SlopeRegression(table, model, adev)
+
+
+def _quantity(kind: str) -> Any:
+    return CONTINUOUS[kind].datasheet[0]
+
+
+def _rate(adev: AllanDeviation) -> float:
+    return sampling_rate(adev.wv.rate)
+
+
+def _require_single(adev: AllanDeviation) -> None:
+    if not adev.wv.is_single:
+        raise ValueError(f"Choose one channel, as in adev[{adev.wv.channels[0]!r}]: there are {adev.wv.channels}.")
