@@ -51,7 +51,7 @@ def child(num_samples: int, seed: int) -> None:
     estimates = {k: [v**0.5 for v in (e.value, e.ci_low, e.ci_high)] for k, e in root.items()}
     estimates["GM tau_c"] = [tau_c.value, tau_c.ci_low, tau_c.ci_high]
     # Q at the truth: how much the fit gained on it
-    at_truth = gj.objective(wv, truth)
+    at_truth = gj.fitting.objective(wv, truth)
     answer = {
         "parts": parts,
         "estimates": estimates,

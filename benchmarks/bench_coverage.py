@@ -65,8 +65,8 @@ def cases() -> list[Case]:
     ]
 
 
-def wavelet_variances(case: Case, replicates: int) -> list[gj.WaveletVariance]:
-    def one(i: int) -> gj.WaveletVariance:
+def wavelet_variances(case: Case, replicates: int) -> list[gj.variance.WaveletVariance]:
+    def one(i: int) -> gj.variance.WaveletVariance:
         return gj.wavelet_variance(
             np.asarray(gj.simulate(case.truth, case.num_samples, key=jax.random.fold_in(KEY, i)))
         )
@@ -75,19 +75,19 @@ def wavelet_variances(case: Case, replicates: int) -> list[gj.WaveletVariance]:
         return list(pool.map(one, range(replicates)))
 
 
-def parameters(fits: list[gj.Fit]) -> list[gj.EstimateTable]:
+def parameters(fits: list[gj.Fit]) -> list[gj.fitting.EstimateTable]:
     with ThreadPoolExecutor(THREADS) as pool:
         return list(pool.map(lambda f: f.parameters(), fits))
 
 
-def together(wvs: list[gj.WaveletVariance]) -> gj.WaveletVariance:
+def together(wvs: list[gj.variance.WaveletVariance]) -> gj.variance.WaveletVariance:
     """Replicates as the channels of one wavelet variance."""
     stacked = {k: np.column_stack([getattr(w, k) for w in wvs]) for k in ("variance", "ci_low", "ci_high")}
     names = tuple(f"replicate_{i}" for i in range(len(wvs)))
     return replace(wvs[0], **stacked, channels=names, units=("1",) * len(wvs))
 
 
-def fit_all(wvs: list[gj.WaveletVariance], model: str, omega: str | None = None) -> list[gj.Fit]:
+def fit_all(wvs: list[gj.variance.WaveletVariance], model: str, omega: str | None = None) -> list[gj.Fit]:
     fits: list[gj.Fit] = []
     for i in range(0, len(wvs), TOGETHER):
         fits += gj.fit(together(wvs[i : i + TOGETHER]), model, omega=omega, throw=False).values()
@@ -112,7 +112,7 @@ def errors_at_truth(case: Case, fit: gj.Fit) -> dict[tuple[str, str], float]:
     return {(e.component, e.symbol): float(np.log(e.ci_high / e.ci_low) / (2 * 1.959964)) for e in table}
 
 
-def rows_of(case: Case, fits: list[gj.Fit], tables: list[gj.EstimateTable]) -> list[list[str]]:
+def rows_of(case: Case, fits: list[gj.Fit], tables: list[gj.fitting.EstimateTable]) -> list[list[str]]:
     truths, first_order = true_values(case, fits[0]), errors_at_truth(case, fits[0])
     rows = []
     for key, truth in truths.items():

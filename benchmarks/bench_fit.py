@@ -27,13 +27,13 @@ R_SECONDS = 3.086
 UNITS = {"Gyro": "rad/s", "Accel": "m/s^2"}
 
 
-def mti_g() -> gj.WaveletVariance:
+def mti_g() -> gj.variance.WaveletVariance:
     """The published wavelet variances of the MTi-G's six channels."""
     library = json.loads(shared("reference", "imu_wv_library.json").read_text())["MTiG"]
     columns = {k: np.column_stack([c[k] for c in library.values()]) for k in ("variance", "ci_low", "ci_high")}
     one = next(iter(library.values()))
     units = tuple(UNITS[name.split(".")[0]] for name in library)
-    return gj.WaveletVariance(
+    return gj.variance.WaveletVariance(
         np.array(one["scales"], dtype=float),
         **columns,
         num_samples=one["N"],
@@ -43,7 +43,7 @@ def mti_g() -> gj.WaveletVariance:
     )
 
 
-def series() -> dict[str, tuple[gj.WaveletVariance, dict[str, tuple[float, float]]]]:
+def series() -> dict[str, tuple[gj.variance.WaveletVariance, dict[str, tuple[float, float]]]]:
     """Every wavelet variance that R fitted: name -> (it, model as R writes it -> (R's objective, R's seconds))."""
     published = json.loads(shared("reference", "gmwm_published.json").read_text())["models"]
     result = {
@@ -51,7 +51,7 @@ def series() -> dict[str, tuple[gj.WaveletVariance, dict[str, tuple[float, float
     }
     for name, fits in json.loads(shared("reference", "gmwm_fits.json").read_text()).items():
         table = fits["WN"]
-        wv = gj.WaveletVariance.from_table(
+        wv = gj.variance.WaveletVariance.from_table(
             table["scales"], table["wv"], table["ci_low"], table["ci_high"], num_samples=1_000_000, rate=100
         )
         result[name] = wv, {m: (v["obj"], v["seconds"]) for m, v in fits.items()}
@@ -233,7 +233,7 @@ def keys(report: Report) -> None:
     report.bar(f"{count} keys, {SIX}, six channels: spread of the objective", "0", f"{worst:.1e}")
 
 
-def bare(fit: gj.Fit) -> gj.EstimateTable:
+def bare(fit: gj.Fit) -> gj.fitting.EstimateTable:
     """Estimates without intervals, which take time."""
     return replace(fit, wv=replace(fit.wv, num_samples=None)).parameters()
 

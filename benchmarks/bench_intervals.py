@@ -62,15 +62,17 @@ def main() -> None:
     report.save()
 
 
-def wavelet_variances(truth: gj.Composite, num_samples: int, num: int, key: jax.Array) -> list[gj.WaveletVariance]:
-    def one(i: int) -> gj.WaveletVariance:
+def wavelet_variances(
+    truth: gj.Composite, num_samples: int, num: int, key: jax.Array
+) -> list[gj.variance.WaveletVariance]:
+    def one(i: int) -> gj.variance.WaveletVariance:
         return gj.wavelet_variance(np.asarray(gj.simulate(truth, num_samples, key=jax.random.fold_in(key, i))))
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return list(pool.map(one, range(num)))
 
 
-def fit_all(wvs: list[gj.WaveletVariance], model: str) -> list[gj.Fit]:
+def fit_all(wvs: list[gj.variance.WaveletVariance], model: str) -> list[gj.Fit]:
     fits: list[gj.Fit] = []
     for i in range(0, len(wvs), TOGETHER):
         part = wvs[i : i + TOGETHER]

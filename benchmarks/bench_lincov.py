@@ -40,9 +40,9 @@ def main() -> None:
     truth, right = case.FILTERS["right"], case.FILTERS["right"]
     times = {}
     for every in (1, 10):
-        e = nj.prepare(reference, aiding, rate=100.0, earth=nj.FlatEarth(case.GRAVITY), every=every)
-        motion = nj.motion_of(e)
-        times[every] = repeated(lambda e=e, m=motion: nj.linear_covariance(e, truth, right, motion=m))
+        e = nj.filter.prepare(reference, aiding, rate=100.0, earth=nj.FlatEarth(case.GRAVITY), every=every)
+        motion = nj.lincov.motion_of(e)
+        times[every] = repeated(lambda e=e, m=motion: nj.lincov.linear_covariance(e, truth, right, motion=m))
         if every == 10:
             many(report)
         else:
@@ -128,8 +128,8 @@ def time_many() -> None:
     import json
 
     reference, aiding = case.reference(), case.aiding()
-    e = nj.prepare(reference, aiding, rate=100.0, earth=nj.FlatEarth(case.GRAVITY), every=10)
-    motion = nj.motion_of(e)
+    e = nj.filter.prepare(reference, aiding, rate=100.0, earth=nj.FlatEarth(case.GRAVITY), every=10)
+    motion = nj.lincov.motion_of(e)
 
     def build(s):
         accel, gyro = gj.WN(s * 6e-5) + gj.GM(1e-4, 2e-7), gj.WN(1.5e-6 * s) + gj.GM(1e-4, 7e-9)
@@ -138,12 +138,12 @@ def time_many() -> None:
     @eqx.filter_jit
     def positions(scale):
         filters = jax.vmap(build)(scale)
-        return nj.linear_covariance(e, case.FILTERS["right"], filters, motion=motion).true.navigation[:, -1]
+        return nj.lincov.linear_covariance(e, case.FILTERS["right"], filters, motion=motion).true.navigation[:, -1]
 
     @eqx.filter_jit
     def mapped(scale):
         def one(s):
-            return nj.linear_covariance(e, case.FILTERS["right"], build(s), motion=motion).true.navigation[-1]
+            return nj.lincov.linear_covariance(e, case.FILTERS["right"], build(s), motion=motion).true.navigation[-1]
 
         return jax.vmap(one)(scale)
 
@@ -155,7 +155,7 @@ def time_many() -> None:
     print(json.dumps({name: time.median for name, time in interleaved(functions, 9).items()}))
 
 
-def cost(e: nj.Experiment, motion: object):
+def cost(e: nj.filter.Experiment, motion: object):
     """A scalar of all 11 + 11 parameters of truth and filter, and where it is taken."""
     white, shapes = jnp.log(jnp.array([5.99e-5, 1.504e-6])), [*case.ACCEL, *case.GYRO]
     start = jnp.concatenate([white, jnp.array([x for phi, q in shapes for x in (np.log(-np.log(phi)), np.log(q))])])
@@ -172,14 +172,14 @@ def cost(e: nj.Experiment, motion: object):
 
     def value(x):
         true, believed = jnp.split(x, 2)
-        found = nj.linear_covariance(e, errors(true), errors(believed), motion=motion)
+        found = nj.lincov.linear_covariance(e, errors(true), errors(believed), motion=motion)
         return jnp.log(jnp.trace(found.true.navigation[-1, :3, :3]))
 
     # the filter beside its optimum, where all derivatives would vanish
     return value, jnp.concatenate([start, start + 0.3])
 
 
-def derivatives(report: Report, e: nj.Experiment, motion: object) -> None:
+def derivatives(report: Report, e: nj.filter.Experiment, motion: object) -> None:
     """Reverse mode by all parameters of truth and filter against forward mode and differences."""
     value, at = cost(e, motion)
     forward = np.asarray(jax.jit(jax.jacfwd(value))(at))
@@ -207,8 +207,8 @@ def memory() -> None:
     import json
     import resource
 
-    e = nj.prepare(case.reference(), case.aiding(), rate=100.0, earth=nj.FlatEarth(case.GRAVITY))
-    value, at = cost(e, nj.motion_of(e))
+    e = nj.filter.prepare(case.reference(), case.aiding(), rate=100.0, earth=nj.FlatEarth(case.GRAVITY))
+    value, at = cost(e, nj.lincov.motion_of(e))
     jax.block_until_ready(jax.jit(jax.grad(value))(at))
     print(json.dumps({"peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
 

@@ -81,15 +81,15 @@ def speed(report: Report, recordings: list[gj.Recording]) -> None:
     row("the same with two-step weights", lambda: gj.fit_records(wvs, MODEL, omega="two-step"))
     row("tables with intervals by theory", lambda: str(gj.fit_records(wvs, MODEL)))
     small = gj.fit_records(wvs, "WN + RW + GM")
-    row("all 462 sets of 6 records, WN + RW + GM", lambda: gj.resample_records(small), "-", 18.6)
-    row(f"all 462 sets of 6 records, {MODEL}", lambda: gj.resample_records(joint))
-    row("each record alone, Cochran", lambda: gj.compare_records(gj.fit_records(wvs, MODEL)))
+    row("all 462 sets of 6 records, WN + RW + GM", lambda: gj.multisignal.resample_records(small), "-", 18.6)
+    row(f"all 462 sets of 6 records, {MODEL}", lambda: gj.multisignal.resample_records(joint))
+    row("each record alone, Cochran", lambda: gj.multisignal.compare_records(gj.fit_records(wvs, MODEL)))
     key = jax.random.key(1)
-    test = row("near-stationarity, 500 replicates", lambda: gj.near_stationarity(two_step, 500, key=key))
+    test = row("near-stationarity, 500 replicates", lambda: gj.multisignal.near_stationarity(two_step, 500, key=key))
     report.table(
         "Six ADIS 16405 units, gyro X, 1e6 samples each", ["what", "first call", "of it XLA", "later call"], rows
     )
-    report.say(f"```\n{gj.compare_records(two_step)}\n\n{test}\n```")
+    report.say(f"```\n{gj.multisignal.compare_records(two_step)}\n\n{test}\n```")
 
 
 def selection_speed(report: Report, recordings: list[gj.Recording]) -> None:
@@ -97,14 +97,14 @@ def selection_speed(report: Report, recordings: list[gj.Recording]) -> None:
     wvs = [gj.wavelet_variance(r.data[:50_000, 0], rate=r.rate) for r in recordings[:4]]
     parts = ("WN", "RW", "GM")
     models = [" + ".join(c) for n in (1, 2, 3) for c in combinations(parts, n)]
-    cv, texts, again = thrice(lambda: gj.cross_validate(wvs, models))
+    cv, texts, again = thrice(lambda: gj.multisignal.cross_validate(wvs, models))
     head = ["models", "splits", "first call", "of it XLA", "later call"]
     report.table("Cross-validation of 4 units x 5e4", head, [[len(models), len(cv.splits), *texts]])
     report.bar("cross-validation, 4 x 5e4, 7 models", "-", texts[-1], "22.8 s (R, quoted)", f"{again / 22.8:.4f}")
     report.say(f"```\n{cv}\n```")
 
 
-def simulated(num_records: int, seed: int, spread: float = 0.0) -> list[gj.WaveletVariance]:
+def simulated(num_records: int, seed: int, spread: float = 0.0) -> list[gj.variance.WaveletVariance]:
     """Wavelet variances of simulated records; correlation times scatter by `spread` in the log."""
     keys = jax.random.split(jax.random.key(seed), num_records)
     betas = 0.03 * np.exp(spread * np.random.default_rng(seed).normal(size=num_records))
@@ -121,7 +121,7 @@ def simulated(num_records: int, seed: int, spread: float = 0.0) -> list[gj.Wavel
     return wvs
 
 
-def groups(wvs: list[gj.WaveletVariance], size: int) -> list[list[gj.WaveletVariance]]:
+def groups(wvs: list[gj.variance.WaveletVariance], size: int) -> list[list[gj.variance.WaveletVariance]]:
     return [wvs[i : i + size] for i in range(0, len(wvs), size)]
 
 
@@ -133,8 +133,8 @@ def size_and_power(report: Report) -> None:
         for b, wvs in enumerate(groups(simulated(NUM_RECORDS * sets, 3 + round(10 * spread), spread), NUM_RECORDS)):
             joint = gj.fit_records(wvs, "WN + GM", omega="two-step")
             key = jax.random.fold_in(jax.random.key(5), b)
-            near.append(gj.near_stationarity(joint, replicates, key=key).p_value <= LEVEL)
-            comparison = gj.compare_records(joint)
+            near.append(gj.multisignal.near_stationarity(joint, replicates, key=key).p_value <= LEVEL)
+            comparison = gj.multisignal.compare_records(joint)
             together.append(comparison.p_value <= LEVEL)
             alone.append(comparison["GM", "beta"].p_value <= LEVEL)
         shares = [f"{100 * np.mean(x):.1f} %" for x in (near, together, alone)]
@@ -152,7 +152,7 @@ def coverage(report: Report) -> None:
     inside = {"theory": np.zeros(3), "resampling, t": np.zeros(3), "resampling, percentile": np.zeros(3)}
     for wvs in groups(simulated(NUM_RECORDS * num, 2), NUM_RECORDS):
         joint = gj.fit_records(wvs, "WN + GM", omega="two-step")
-        sets = gj.resample_records(joint)
+        sets = gj.multisignal.resample_records(joint)
         theory = np.array([[e.ci_low, e.ci_high] for e in joint.parameters()]).T
         for kind, (low, high) in zip(inside, (theory, sets.interval("t"), sets.interval("percentile")), strict=True):
             inside[kind] += (low < truth) & (truth < high)
@@ -176,7 +176,7 @@ def recommended(report: Report) -> None:
     counts = dict.fromkeys(models, 0)
     equivalent = 0
     for wvs in groups(simulated(6 * num, 9), 6):
-        cv = gj.cross_validate(wvs, models)
+        cv = gj.multisignal.cross_validate(wvs, models)
         counts[cv.recommended.model] += 1
         equivalent += cv["WN + GM"].equivalent
     rows = [[model, count] for model, count in counts.items()]

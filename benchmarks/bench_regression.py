@@ -17,11 +17,13 @@ MODEL = f"WN(sigma2={SIGMA2}) + RW(gamma2={GAMMA2})"
 TRUTH = np.array([5.0, 1e-3, 2.0, -1.0, 0.5, 0.3, 3.0])
 
 
-def record(num: int, missing: float, seed: int = 0) -> tuple[np.ndarray, dict[str, gj.Regressor], np.ndarray]:
+def record(
+    num: int, missing: float, seed: int = 0
+) -> tuple[np.ndarray, dict[str, gj.regression.Regressor], np.ndarray]:
     """A record at 1 Hz with missing samples, its regressors and their matrix."""
     rng = np.random.default_rng(seed)
     t = np.arange(num, dtype=float)
-    regressors = {**gj.trend(t), **gj.seasonal(t, num / 4, 2), **gj.step(t, num // 3)}
+    regressors = {**gj.regression.trend(t), **gj.regression.seasonal(t, num / 4, 2), **gj.regression.step(t, num // 3)}
     X = np.column_stack([np.ones(num), *(c.values for c in regressors.values())])
     y = X @ TRUTH + np.sqrt(SIGMA2) * rng.standard_normal(num) + np.cumsum(np.sqrt(GAMMA2) * rng.standard_normal(num))
     y[rng.random(num) < missing] = np.nan
@@ -51,7 +53,7 @@ def main() -> None:
                 first, result = timed(lambda y=y, r=regressors: gj.regress(y, r, "WN + RW", rate=1.0))
             run = repeated(lambda y=y, r=regressors: gj.regress(y, r, "WN + RW", rate=1.0), repeats)
             present = ~np.isnan(y)
-            gls = repeated(lambda y=y, X=X, p=present: gj.generalised_least_squares(MODEL, y, X, p), repeats)
+            gls = repeated(lambda y=y, X=X, p=present: gj.processes.generalised_least_squares(MODEL, y, X, p), repeats)
             worst = np.max(np.abs(result.coefficients.estimates - TRUTH) / result.coefficients.standard_errors)
             rows.append(
                 [
@@ -79,12 +81,12 @@ def main() -> None:
     present = ~np.isnan(y)
     times = interleaved(
         {
-            "state space": lambda: gj.generalised_least_squares(MODEL, y, X, present),
+            "state space": lambda: gj.processes.generalised_least_squares(MODEL, y, X, present),
             "dense": lambda: dense(y, X),
         },
         repeats,
     )
-    gls, (b, errors) = gj.generalised_least_squares(MODEL, y, X, present), dense(y, X)
+    gls, (b, errors) = gj.processes.generalised_least_squares(MODEL, y, X, present), dense(y, X)
     off = (
         np.max(np.abs(np.asarray(gls.estimates) / b - 1)),
         np.max(np.abs(np.sqrt(np.diag(gls.covariance)) / errors - 1)),

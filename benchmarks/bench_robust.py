@@ -53,11 +53,11 @@ def cleaned_records(report: Report) -> None:
         rec = gj.Recording.from_array(
             contaminated(np.random.default_rng(0).standard_normal(num), 1, 0), rate=1.0, units="1"
         )
-        cleaned = gj.mask_outliers(rec).recording
+        cleaned = gj.recordings.mask_outliers(rec).recording
         fit = gj.fit(cleaned, "WN")
         times = interleaved(
             {
-                "mask": lambda rec=rec: gj.mask_outliers(rec),
+                "mask": lambda rec=rec: gj.recordings.mask_outliers(rec),
                 "pairs": lambda cleaned=cleaned: gj.wavelet_variance(cleaned),
                 "classic": lambda rec=rec: gj.wavelet_variance(rec),
                 "covariance": lambda fit=fit: replace(fit).wv_covariance,
@@ -84,7 +84,9 @@ def cleaned_records(report: Report) -> None:
                 waves = [
                     gj.wavelet_variance(y),
                     gj.wavelet_variance(y, efficiency=0.6),
-                    gj.wavelet_variance(gj.mask_outliers(gj.Recording.from_array(y, rate=1.0, units="1")).recording),
+                    gj.wavelet_variance(
+                        gj.recordings.mask_outliers(gj.Recording.from_array(y, rate=1.0, units="1")).recording
+                    ),
                 ]
                 for name, wv in zip(seen, waves, strict=True):
                     values = [float(v) for p in gj.fit(wv, model).model.processes for v in p.values]

@@ -92,7 +92,7 @@ def published(report: Report) -> None:
         rows = []
         for channel, row in json.loads(file.read_text())["MTiG"].items():
             columns = (row["scales"], row["variance"], row["ci_low"], row["ci_high"])
-            wv = gj.WaveletVariance.from_table(*columns, num_samples=row["N"], rate=float(row["freq"]))
+            wv = gj.variance.WaveletVariance.from_table(*columns, num_samples=row["N"], rate=float(row["freq"]))
             rows.append(described(channel, gj.select(wv, LARGE)))
         report.table(f"MTi-G, published wavelet variances, within {LARGE}", HEAD, rows)
     if report.quick:
@@ -108,7 +108,7 @@ def published(report: Report) -> None:
 HEAD = ["channel", "recommended", "parameters", "WVIC", "p of fit", "equivalent models", "lowest"]
 
 
-def described(channel: str, s: gj.Selection) -> list:
+def described(channel: str, s: gj.inference.Selection) -> list:
     r = s.recommended
     return [channel, r.name, r.num_parameters, f"{r.criterion:.4g}", f"{r.p_value:.2g}", len(s.equivalent), s.best.name]
 

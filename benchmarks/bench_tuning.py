@@ -60,7 +60,7 @@ def main() -> None:
 
 def tuning(report: Report) -> None:
     duration, num = (120.0, 2) if report.quick else (1200.0, 20)
-    imu, reference = nj.perfect_imu(nj.lemniscate(duration, RATE), RATE, nj.FlatEarth())
+    imu, reference = nj.perfect_imu(nj.motions.lemniscate(duration, RATE), RATE, nj.FlatEarth())
     truth = np.array([float(v) for m in (TRUTH.models[0], TRUTH.models[3]) for p in m.processes for v in p.values])
     found, times = [], []
     for i in range(num):

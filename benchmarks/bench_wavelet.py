@@ -159,17 +159,17 @@ def main() -> None:
 
     x = record(middle)
     device = jnp.asarray(x)
-    traced = jax.jit(gj.haar_wavelet_variance)
+    traced = jax.jit(gj.variance.haar_wavelet_variance)
     with compilations() as compiled:
         traced(device).block_until_ready()
     run = repeated(lambda: traced(device), repeats)
-    gradient = jax.jit(jax.grad(lambda y: jnp.sum(jnp.log(gj.haar_wavelet_variance(y)))))
+    gradient = jax.jit(jax.grad(lambda y: jnp.sum(jnp.log(gj.variance.haar_wavelet_variance(y)))))
     with compilations() as compiled_gradient:
         gradient(device).block_until_ready()
     run_gradient = repeated(lambda: gradient(device), max(repeats // 2, 2))
     exact = by_cumulative_sums(x, gj.wavelet_variance(x).num_scales)
     report.table(
-        f"JAX path, `jax.jit(gj.haar_wavelet_variance)`, N = {middle:.0e}",
+        f"JAX path, `jax.jit(gj.variance.haar_wavelet_variance)`, N = {middle:.0e}",
         ["", "XLA compile", "run, median (range)", "rel. error"],
         [
             ["value", seconds(compiled.seconds), run, error(np.asarray(traced(device)), exact)],
@@ -185,7 +185,7 @@ def main() -> None:
         ["path", "error"],
         [
             ["host (NumPy, blocks)", error(gj.wavelet_variance(subset).variance, truth)],
-            ["JAX", error(np.asarray(gj.haar_wavelet_variance(jnp.asarray(subset))), truth)],
+            ["JAX", error(np.asarray(gj.variance.haar_wavelet_variance(jnp.asarray(subset))), truth)],
             ["allantools", error(oadev(subset), truth)],
             ["(the check itself: cumulative sums in long double)", error(by_cumulative_sums(subset, J), truth)],
         ],

@@ -7,7 +7,8 @@ AR1 processes on each accelerometer, two on each gyro, 24 states in the right fi
 import jax
 
 from gmwm_jax import AR1, WN
-from nav_jax import Barometer, FlatEarth, GnssPosition, GnssVelocity, ImuErrors, lemniscate
+from nav_jax import Barometer, FlatEarth, GnssPosition, GnssVelocity, ImuErrors
+from nav_jax.trajectory.motions import lemniscate
 
 ACCEL = ((0.9982454, 1.848297e-10), (0.9999121, 2.435414e-11), (0.9999998, 1.026718e-12))
 GYRO = ((0.9968999, 2.42898e-11), (0.9999001, 1.238142e-12))

@@ -1,10 +1,12 @@
-"""Who may import whom, read from the source. The order below is the architecture (shared/design.md).
+"""Who may import whom, read from the source: `ROOMS` is the architecture, and a new file needs no row in it.
 
-A file imports only from files above its own, and every name from the file that defines it. Heavy and optional
-libraries stay out of the import of the package. A new file needs a place in the list.
+A package is a door (its ``__init__``), rooms (folders) and nothing flat but what `FLAT` names. A room imports from the
+rooms that its row lists, and files that begin with an underscore from nobody else's room. No circle of files anywhere.
 """
 
 import ast
+import importlib
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -13,66 +15,62 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
-GMWM_JAX = """
-    _typing _check _safe _table
-    processes/__init__ processes/_parameter processes/_haar processes/_recursion processes/_circulant
-    processes/_state_space processes/_base
-    processes/white_noise processes/quantisation processes/random_walk processes/drift processes/gauss_markov
-    processes/_doubling processes/_arma_covariance processes/arma
-    processes/matern processes/_power_law processes/fractional processes/_cosine_integral processes/flicker
-    processes/band_flicker processes/sinusoid
-    processes/registry
-    continuous units
-    simulation datasheet
-    wavelet wavelet_host robust pairs
-    _columns _files _known_files _sensors _text _timebase
-    recording io datasets
-    variance
-    _nnls start estimate problem
-    wv_covariance wv_skewness gap_covariance inference estimates weights
-    outliers cleaning
-    result goodness allan fitting refit intervals replicates _progress draws bootstrapping
-    submodels sweep criterion candidates selection
-    records joint joint_fitting joint_refit resampling record_comparison stationarity cross_validation
-    whitening regressors regression
-    plot plot_bootstrap plot_selection plot_records demo cli_parts cli __main__
-    __init__
-"""
-NAV_JAX = """
-    _typing _check _files _table _progress status components
-    rotation linalg earth
-    attitudes trajectory motions _columns _quantities trajectory_io
-    strapdown sensors
-    layout sensor_bank recorded noise_models noise counter emulation
-    measurements/__init__ measurements/_base measurements/_ned
-    measurements/gnss_position measurements/gnss_velocity measurements/barometer
-    initial schedule
-    error_model ekf judge filter smoother experiment
-    epochs _distributions statistics energy
-    parameters lincov analysis sensitivities budget calibration
-    _store results_io
-    runs ranking comparison
-    monte_carlo navigate record_io likelihood information tuning_search tuning design_family design_search design
-    plot_runs plot plot_analysis config_sections config config_record report report_analysis demo cli __main__
-    __init__
-"""
-ORDER = {"gmwm_jax": GMWM_JAX.split(), "nav_jax": NAV_JAX.split()}
-"""From low to high, files of each package. A file that does not exist (yet) is no error."""
+_BELOW = {
+    "gmwm_jax": """
+        _internal
+        units
+        processes: units
+        recordings: units processes
+        variance: units processes recordings
+        fitting: units processes recordings variance
+        inference: units processes recordings variance fitting
+        regression: units processes recordings variance fitting
+        multisignal: units processes recordings variance fitting inference
+        plotting: units processes recordings variance fitting inference regression multisignal
+        app: units processes recordings variance fitting inference regression multisignal plotting
+    """,
+    "nav_jax": """
+        kinematics
+        statistics
+        trajectory: kinematics
+        imu: kinematics trajectory
+        aiding: kinematics trajectory imu
+        filter: kinematics trajectory imu aiding
+        simulation: kinematics trajectory imu aiding filter statistics
+        lincov: kinematics trajectory imu aiding filter statistics simulation
+        recorded: kinematics trajectory imu aiding filter statistics
+        plotting: kinematics trajectory imu aiding filter statistics simulation lincov recorded
+        app: kinematics trajectory imu aiding filter statistics simulation lincov recorded plotting
+    """,
+}
+ROOMS = {
+    package: {row.partition(":")[0].strip(): set(row.partition(":")[2].split()) for row in rows.strip().splitlines()}
+    for package, rows in _BELOW.items()
+}
+"""Package -> room -> the rooms it may import, `_internal` apart, which all may."""
 
-LEAVES = (
-    *("plot", "plot_bootstrap", "plot_selection", "plot_records", "plot_runs", "plot_analysis"),
-    *("config_sections", "config", "config_record", "report", "report_analysis"),
-    *("demo", "cli_parts", "cli", "__main__"),
-)
-"""Imported by nobody but other leaves; `plot...` also inside methods."""
+FLAT = {"gmwm_jax": {"__init__", "__main__", "units"}, "nav_jax": {"__init__", "__main__"}}
+"""The only files outside rooms."""
+
+SHARED = {"units", "_internal"}
+"""Rooms of gmwm_jax that all of nav_jax may import."""
+
+DOORS = {"imu", "aiding"}
+"""Rooms of nav_jax that see gmwm_jax, and there what its door and those of its rooms export."""
+
+DRAWING = "_internal/drawing"
+"""The one file that imports the figures of a result, at the moment of drawing."""
 
 HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic")
 """Imported by leaves, or inside a function at the moment of use."""
 
-MAX_LINES = 400
+LEAVES = {"plotting", "app", "__main__"}
 
-DOOR = {"noise", "noise_models"}
-"""The files of nav_jax that see gmwm_jax, and there its public names only."""
+MAX_NAMES_OF_FITTING = 20
+"""By which other rooms may know the room `fitting`; it may only fall."""
+
+MAX_NAMES_AT_DOOR = {"gmwm_jax": 40, "nav_jax": 30}
+"""Rooms apart."""
 
 
 class Import:
@@ -118,117 +116,214 @@ def defined_names(tree):
     return names
 
 
+class Package:
+    """The files of a package by their path in it (``fitting/search``), parsed."""
+
+    def __init__(self, root, name):
+        self.name = name
+        paths = sorted((root / name).rglob("*.py"))
+        self.trees = {str(p.relative_to(root / name).with_suffix("")): ast.parse(p.read_text()) for p in paths}
+
+    def file_of(self, i):
+        """The file that an import names, and the name it takes from it (None: all of it); None if there is none."""
+        below = "/".join(i.module.split(".")[1:])
+        whole = "/".join(filter(None, [below, i.name or ""]))
+        for target, name in ((whole, None), (f"{whole}/__init__", None), (below, i.name)):
+            if target in self.trees:
+                return target, name
+        target = "/".join(filter(None, [below, "__init__"]))
+        return (target, i.name) if target in self.trees else None
+
+
+def room_of(file):
+    """The room of a file: a folder, or the file itself where it is flat."""
+    return file.split("/")[0]
+
+
 def violations(root):
     """Every breach of the rules in the packages under a folder, as text."""
+    packages = {name: Package(root, name) for name in ROOMS}
     found = []
-    files = {
-        package: {str(p.relative_to(root / package).with_suffix("")): p for p in sorted((root / package).rglob("*.py"))}
-        for package in ORDER
-    }
-    trees = {p: ast.parse(p.read_text()) for of_package in files.values() for p in of_package.values()}
-    for package, of_package in files.items():
-        order = {name: rank for rank, name in enumerate(ORDER[package])}
-        for name, path in of_package.items():
-            where = f"{package}/{name}.py"
-            if name not in order:
-                found.append(f"{where}: has no place in the order of layers; add it to ORDER in {Path(__file__).name}")
-                continue
-            num_lines = len(path.read_text().splitlines())
-            if num_lines > MAX_LINES:
-                found.append(f"{where}: {num_lines} lines, more than {MAX_LINES}: cut it")
-            for i in imports(trees[path]):
-                at = f"{where}:{i.line}"
-                top = i.module.split(".")[0]
-                if top == "":
-                    found.append(f"{at}: relative import; name the file in full")
-                elif top in HEAVY and name not in LEAVES and not (i.in_function or i.typing_only):
-                    found.append(f"{at}: {top} is imported on import of the package; import it where it is used")
-                elif top in ORDER and top != package:
-                    found += crossing(at, package, name, i)
-                elif top == package:
-                    found += inside(at, package, name, i, order, of_package, trees)
+    for package in packages.values():
+        for file, tree in package.trees.items():
+            where = f"{package.name}/{file}.py"
+            if "/" not in file and file not in FLAT[package.name]:
+                found.append(f"{where}: lies flat; put it into one of the rooms {', '.join(ROOMS[package.name])}")
+            elif room_of(file) not in {*ROOMS[package.name], *FLAT[package.name]}:
+                found.append(f"{where}: {room_of(file)} is none of the rooms in {Path(__file__).name}")
+            else:
+                for i in imports(tree):
+                    found += wrong(f"{where}:{i.line}", package, file, i, packages)
+        found += [f"{package.name}/{c[0]}.py: a circle of files, {' -> '.join(c)}" for c in circles(package)]
     return found
 
 
-def crossing(at, package, name, i):
-    """From one package to the other: only by the door, and only public names."""
-    if package == "gmwm_jax":
+def wrong(at, package, file, i, packages):
+    """What is wrong with one import, as a list of texts."""
+    top = i.module.split(".")[0]
+    if top == "":
+        return [f"{at}: relative import; name the file in full"]
+    if top in HEAVY and room_of(file) not in LEAVES and not (i.in_function or i.typing_only):
+        return [f"{at}: {top} is imported on import of the package; import it where it is used"]
+    if top not in packages:
+        return []
+    if package.name == "gmwm_jax" and top == "nav_jax":
         return [f"{at}: gmwm_jax knows nothing of nav_jax"]
-    if name not in DOOR:
-        return [f"{at}: only {', '.join(sorted(DOOR))} of nav_jax may import gmwm_jax"]
-    if i.module != "gmwm_jax" or i.name is None or i.name.startswith("_"):
-        return [f"{at}: public names only, from gmwm_jax import ..."]
+    seen = packages[top].file_of(i)
+    if seen is None:
+        return [f"{at}: there is no {i.module}"]
+    target, name = seen
+    return crossing(at, file, target) if top != package.name else inside(at, package, file, target, name)
+
+
+def crossing(at, file, target):
+    """From nav_jax to gmwm_jax: what both share, or at the door where noise models enter."""
+    if room_of(target) in SHARED:
+        return []
+    if room_of(file) not in DOORS:
+        return [f"{at}: only the rooms {', '.join(sorted(DOORS))} of nav_jax see gmwm_jax, others its units"]
+    if not target.endswith("__init__"):
+        return [f"{at}: public names only, from the door of gmwm_jax or of one of its rooms"]
     return []
 
 
-def inside(at, package, name, i, order, of_package, trees):
-    """Within a package: downwards, from the defining file."""
-    target = "/".join(i.module.split(".")[1:])
-    as_module = "/".join(filter(None, [target, i.name or ""]))
-    if as_module in of_package:  # from gmwm_jax import units
-        target, imported = as_module, None
-    elif target in of_package and i.name:
-        imported = i.name
-    else:
-        return [f"{at}: imports from the package {i.module}, not from the file that defines {i.name}"]
-    if target.startswith("plot") and i.in_function:
-        pass  # a method that draws
-    elif target in LEAVES and name not in LEAVES:
-        return [f"{at}: {target} is a leaf, nobody imports it"]
-    elif order.get(target, -1) >= order[name]:
-        return [f"{at}: {target} is not below {name} in the order of layers"]
-    if imported and imported not in defined_names(trees[of_package[target]]):
-        return [f"{at}: {imported} is not defined in {target}.py; import it from where it is"]
-    return []
+def inside(at, package, file, target, name):
+    """Within a package: the own room, or one below; from the file that defines the name."""
+    own, other = room_of(file), room_of(target)
+    if own != other and own not in ("__init__", "__main__") and file != DRAWING:
+        if other in ("__init__", "__main__"):
+            return [f"{at}: imports from the door of the package, not from the file that defines {name}"]
+        if other != "_internal" and other not in ROOMS[package.name][own]:
+            return [f"{at}: {other} is not below {own}"]
+        if any(part.startswith("_") and part != "__init__" for part in target.split("/")[1:]):
+            return [f"{at}: {target} belongs to its room"]
+    defined = name is None or name in defined_names(package.trees[target]) or file.endswith("__init__")
+    return [] if defined else [f"{at}: {name} is not defined in {target}.py; import it from where it is"]
 
 
-def test_the_packages_keep_their_layers():
+def circles(package):
+    """Files that import each other, imports inside functions included; those of `DRAWING` are not."""
+    below = {file: set() for file in package.trees}
+    for file, tree in package.trees.items():
+        if file != DRAWING:
+            known = (package.file_of(i) for i in imports(tree) if i.module.split(".")[0] == package.name)
+            below[file] |= {target for target, _ in filter(None, known)} - {file}
+    for file in [f for f in below if f.endswith("__init__")]:  # a door imports; who imports it means what is behind
+        below[file] = set()
+    while True:  # take away what imports nothing; what is left goes in circles
+        free = {file for file, targets in below.items() if not targets & set(below)}
+        if not free:
+            break
+        below = {file: targets for file, targets in below.items() if file not in free}
+    if not below:
+        return []
+    path = [min(below)]
+    while path[-1] not in path[:-1]:
+        path.append(min(below[path[-1]] & set(below)))
+    return [path[path.index(path[-1]) :]]
+
+
+def test_the_packages_keep_their_rooms():
     found = violations(ROOT)
     assert not found, "\n" + "\n".join(found)
+
+
+def test_other_rooms_know_little_of_fitting():
+    package = Package(ROOT, "gmwm_jax")
+    names = set()
+    for file, tree in package.trees.items():
+        if room_of(file) in (*LEAVES, "fitting", "__init__"):
+            continue
+        for i in imports(tree):
+            target = package.file_of(i) if i.module.startswith("gmwm_jax") else None
+            if target and room_of(target[0]) == "fitting":
+                names.add(target)
+    assert len(names) <= MAX_NAMES_OF_FITTING, f"{len(names)}: {sorted(names, key=str)}"
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_the_door_is_small(name):
+    door = importlib.import_module(name)
+    public = {n for n in dir(door) if not n.startswith("_")} - set(ROOMS[name])
+    assert len(public) <= MAX_NAMES_AT_DOOR[name], len(public)
+
+
+def test_no_file_has_the_name_of_a_function_at_its_door():
+    for name, rooms in ROOMS.items():
+        package = Package(ROOT, name)
+        for room in ("", *(r for r in rooms if f"{r}/__init__" in package.trees)):
+            door = importlib.import_module(".".join(filter(None, [name, room])))
+            functions = {n for n in dir(door) if inspect.isfunction(getattr(door, n))}
+            start = f"{room}/" if room else ""
+            files = {f.removeprefix(start).split("/")[0] for f in package.trees if f.startswith(start)}
+            assert not functions & files, f"{door.__name__}: {functions & files}"
+
+
+def test_every_room_says_what_lives_there():
+    for name, rooms in ROOMS.items():
+        package = Package(ROOT, name)
+        for room in rooms:
+            if f"{room}/__init__" in package.trees:
+                tree = package.trees[f"{room}/__init__"]
+                assert len(ast.get_docstring(tree) or "") > 40, room
 
 
 @pytest.mark.parametrize(
     ("file", "source", "complaint"),
     [
-        ("gmwm_jax/units.py", "from gmwm_jax.variance.haar import scales", "wavelet is not below units"),
-        ("gmwm_jax/units.py", "def f():\n    from gmwm_jax.variance.haar import scales", "wavelet is not below units"),
-        ("gmwm_jax/processes/_base.py", "from gmwm_jax.processes.drift import DR", "not below processes/_base"),
-        ("gmwm_jax/units.py", "from gmwm_jax import fit", "not from the file that defines fit"),
-        ("gmwm_jax/units.py", "import gmwm_jax", "imports from the package gmwm_jax"),
-        ("gmwm_jax/units.py", "from ._check import require_x64", "relative import"),
-        ("gmwm_jax/io.py", "from gmwm_jax.variance.haar import numpy", "numpy is not defined in wavelet.py"),
-        ("gmwm_jax/result.py", "from gmwm_jax.plotting.figures import plot_fit", "plot is a leaf"),
-        ("gmwm_jax/plot.py", "from gmwm_jax.app.cli import app", "cli is not below plot"),
-        ("gmwm_jax/__init__.py", "from gmwm_jax.plotting.figures import plot_fit", "plot is a leaf"),
-        ("gmwm_jax/io.py", "import matplotlib.pyplot as plt", "matplotlib is imported on import"),
-        ("gmwm_jax/io.py", "try:\n    import pyarrow\nexcept ImportError:\n    pass", "pyarrow is imported on import"),
-        ("gmwm_jax/io.py", "class A:\n    from rdata import read_rda", "rdata is imported on import"),
-        ("gmwm_jax/io.py", "def f():\n    import nav_jax", "knows nothing of nav_jax"),
-        ("gmwm_jax/surprise.py", "", "add it to ORDER"),
-        ("gmwm_jax/processes/surprise.py", "", "add it to ORDER"),
-        ("gmwm_jax/units.py", "\n" * 401, "401 lines"),
-        ("nav_jax/__init__.py", "from gmwm_jax import GM", "only noise, noise_models of nav_jax"),
+        ("gmwm_jax/units.py", "from gmwm_jax.variance.haar import scales", "variance is not below units"),
+        ("gmwm_jax/units.py", "def f():\n    from gmwm_jax.variance.haar import scales", "not below units"),
+        ("gmwm_jax/processes/base.py", "from gmwm_jax.variance.haar import scales", "not below processes"),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax.variance._blocks import blocks", "belongs to its room"),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax import WN", "not from the file that defines WN"),
+        ("gmwm_jax/fitting/fit.py", "import gmwm_jax", "imports from the door of the package"),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax.variance import scales", "scales is not defined in variance"),
+        ("gmwm_jax/units.py", "from ._internal import require_x64", "relative import"),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax.variance.haar import numpy", "numpy is not defined"),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax.nowhere import f", "there is no gmwm_jax.nowhere"),
+        ("gmwm_jax/fitting/fit.py", "def f():\n    from gmwm_jax.plotting.fit import plot_fit", "is not below"),
+        ("gmwm_jax/plotting/fit.py", "from gmwm_jax.app.cli import app", "app is not below plotting"),
+        ("gmwm_jax/variance/haar.py", "import matplotlib.pyplot as plt", "matplotlib is imported on import"),
+        ("gmwm_jax/units.py", "try:\n    import pyarrow\nexcept ImportError:\n    pass", "pyarrow is imported"),
+        ("gmwm_jax/units.py", "class A:\n    from rdata import read_rda", "rdata is imported on import"),
+        ("gmwm_jax/units.py", "def f():\n    import nav_jax", "knows nothing of nav_jax"),
+        ("gmwm_jax/surprise.py", "", "lies flat"),
+        ("gmwm_jax/surprise/file.py", "", "surprise is none of the rooms"),
+        ("gmwm_jax/variance/_blocks.py", "def f():\n    from gmwm_jax.variance.haar import scales", "a circle"),
+        ("nav_jax/filter/ekf.py", "from gmwm_jax import GM", "only the rooms aiding, imu"),
+        ("nav_jax/imu/errors.py", "from gmwm_jax.variance.haar import scales", "public names only"),
         # what is allowed
-        ("gmwm_jax/io.py", "from gmwm_jax import units as units_", None),
-        ("gmwm_jax/io.py", "from gmwm_jax.variance.haar import scales, TAU", None),
-        ("gmwm_jax/result.py", "def f():\n    from gmwm_jax.plotting.figures import plot_fit", None),
-        ("gmwm_jax/cli.py", "import matplotlib, typer\nfrom gmwm_jax.plotting.figures import plot_fit", None),
-        ("gmwm_jax/io.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import matplotlib", None),
-        ("gmwm_jax/io.py", "def f():\n    import pyarrow", None),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax import units as units_", None),
+        ("gmwm_jax/fitting/fit.py", "from gmwm_jax.variance.haar import scales, TAU", None),
+        ("gmwm_jax/variance/other.py", "from gmwm_jax.variance._blocks import blocks", None),
+        ("gmwm_jax/_internal/drawing.py", "def f():\n    from gmwm_jax.plotting.fit import plot_fit", None),
+        ("gmwm_jax/app/cli.py", "import matplotlib, typer\nfrom gmwm_jax.plotting.fit import plot_fit", None),
+        ("gmwm_jax/units.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import matplotlib", None),
+        ("gmwm_jax/units.py", "def f():\n    import pyarrow", None),
         ("gmwm_jax/__init__.py", "from gmwm_jax.variance.haar import scales", None),
+        ("nav_jax/imu/errors.py", "from gmwm_jax.variance import scales", None),
+        ("nav_jax/filter/ekf.py", "from gmwm_jax.units import TAU\nfrom gmwm_jax._internal.checks import x64", None),
     ],
 )
 def test_the_rules_see_what_they_should(tmp_path, file, source, complaint):
     """Each rule on a small package that keeps or breaks it."""
     small = {
-        "gmwm_jax/wavelet.py": "import numpy\nTAU: float = 2.0\ndef scales(): ...",
-        "gmwm_jax/units.py": "",
-        "gmwm_jax/plot.py": "def plot_fit(): ...",
-        "gmwm_jax/cli.py": "app = 1",
-        "gmwm_jax/_check.py": "def require_x64(): ...",
+        "gmwm_jax/__init__.py": "WN = 1",
+        "gmwm_jax/units.py": "TAU = 6.28",
+        "gmwm_jax/variance/__init__.py": "from gmwm_jax.variance.haar import scales as scales",
+        "gmwm_jax/variance/haar.py": "from gmwm_jax.variance._blocks import blocks\nimport numpy\nTAU: float = 2.0\n"
+        "def scales(): ...",
+        "gmwm_jax/variance/_blocks.py": "def blocks(): ...",
+        "gmwm_jax/plotting/fit.py": "def plot_fit(): ...",
+        "gmwm_jax/app/cli.py": "app = 1",
+        "gmwm_jax/_internal/checks.py": "def x64(): ...",
         "gmwm_jax/processes/drift.py": "class DR: ...",
-        file: source,
+        file: source + ("\ndef blocks(): ..." if file.endswith("_blocks.py") else ""),
     }
+    if file == "gmwm_jax/units.py":
+        small[file] += "\nTAU = 6.28"
+    if file == "gmwm_jax/variance/haar.py":
+        small[file] += "\ndef scales(): ..."
     for name, text in small.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -237,7 +332,7 @@ def test_the_rules_see_what_they_should(tmp_path, file, source, complaint):
     if complaint is None:
         assert not found
     else:
-        assert len(found) == 1
+        assert len(found) == 1, found
         assert found[0].startswith(file)
         assert complaint in found[0]
 

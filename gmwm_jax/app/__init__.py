@@ -1,1 +1,1 @@
-"""A room."""
+"""The command line ``gmwm-jax`` and its demonstration."""

@@ -33,6 +33,7 @@ from gmwm_jax.app.options import (
 )
 from gmwm_jax.fitting.estimator import fit as fit_model
 from gmwm_jax.fitting.result import Fit, Status
+from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.fitting.tables import continuous_table
 from gmwm_jax.fitting.weights import COVARIANCE, DEFAULT
 from gmwm_jax.inference.bootstrapping import bootstrap as replicate
@@ -44,7 +45,6 @@ from gmwm_jax.recordings import datasets
 from gmwm_jax.recordings.files import save_recording
 from gmwm_jax.units import SI_SIGNALS, convert
 from gmwm_jax.variance.allan import allan_deviation
-from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.variance.wavelet import wavelet_variance
 
 app = typer.Typer(

@@ -11,10 +11,10 @@ from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fits
+from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.fitting.tables import Estimate, continuous_table
 from gmwm_jax.recordings import datasets
 from gmwm_jax.variance.allan import allan_deviation
-from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.variance.wavelet import wavelet_variance
 
 _SENSOR = "mti-g"

@@ -98,7 +98,7 @@ def fit(
     scales with eta degrees of freedom is biased by about 4/eta: 1 to 2 % for a correlation time of 100 samples in
     100,000, a quarter of its standard error. Two-step weights do not depend on the scatter.
 
-    Deterministic: nothing depends on chance unless a key is given. See `gmwm_jax.fitting.search` for the method. The same
+    Deterministic: nothing depends on chance unless a key is given. The method is in `gmwm_jax.fitting.search`. The same
     model on the same number of scales and channels compiles once.
     """
     require_x64()

@@ -11,9 +11,9 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
-from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import AT, ZERO, EstimateTable, continuous_table, parameter_table
 from gmwm_jax.fitting.weights import COVARIANCE, ITERATED, covariance_weights, two_step_weights
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -289,7 +289,10 @@ class Fit:
         return result
 
     def plot(self, **options: Any) -> "Figure":
-        """Wavelet variance, fit and components over scale with the residuals below, see `gmwm_jax.plotting.figures.plot_fit`."""
+        """Wavelet variance, fit and components over scale with the residuals below.
+
+        See `gmwm_jax.plotting.plot_fit`.
+        """
         from gmwm_jax.plotting.figures import plot_fit
 
         return plot_fit(self, **options)

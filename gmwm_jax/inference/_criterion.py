@@ -5,7 +5,7 @@ How well would a model, fitted to these data, describe other data of the same se
     WVIC = Q + optimism,    optimism = 2 tr(Omega Cov(nu_hat, nu(theta_hat)))
 
 (Efron 2004; Guerrier et al. 2013; Zhang & Guerrier 2018), Q the objective that the model has here. By theory,
-nu(theta_hat) moves with nu_hat by A B (`gmwm_jax.fitting.standard_errors`): with z = L' nu_hat, Omega = L L', S = L' V L its
+nu(theta_hat) moves with nu_hat by A B (`fitting.standard_errors`): with z = L' nu_hat, Omega = L L', S = L' V L its
 covariance, and P = L' A B L'^-1 the projection on the tangents L' A,
 
     optimism = 2 tr(P S),

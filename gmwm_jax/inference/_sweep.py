@@ -24,6 +24,10 @@ from gmwm_jax.fitting.search import NUM_DESCENTS, NUM_ROUNDS, SIZE, Data, Layout
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.variance.wavelet import WaveletVariance
 
+Subset = tuple[int, ...]
+"""Positions of the components of a sub-model in its superset."""
+
+
 _CHUNK = 16
 """Sub-models at once: a descent takes as many steps as the longest beside it."""
 _REPLICATES = 64
@@ -164,10 +168,6 @@ def _minimise_all_near(layout: Layout, data: Any, y: Any, starts: Any, present: 
         return minimise_near(layout, starts, Data(y, *data, wanted=present))
 
     return jax.vmap(one)(y, starts, present)
-
-
-Subset = tuple[int, ...]
-"""Positions of the components of a sub-model in its superset."""
 
 
 def submodels(superset: Composite) -> list[Subset]:

@@ -1,7 +1,7 @@
 """`select`: which model describes a wavelet variance, of all sub-models of a superset?
 
-All candidates are fitted with the same weights in one compiled call (`gmwm_jax.inference._sweep`) and ranked by the wavelet
-information criterion (`gmwm_jax.inference._criterion`) with the covariance of the wavelet variance under the superset: the largest
+All candidates are fitted with the same weights in one compiled call (`_sweep`) and ranked by the wavelet
+information criterion (`_criterion`) with the covariance of the wavelet variance under the superset: the largest
 model is the least wrong one. Differences have standard errors. A model that no other is significantly better than is
 equivalent to the best. Such a model may still claim less scatter at long spans than the data have, which the covariance
 under the superset forgives: it is tested with its own. The simplest that passes is recommended.
@@ -10,7 +10,7 @@ under the superset forgives: it is tested with its own. The simplest that passes
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -18,7 +18,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float
-from matplotlib.figure import Figure
 
 from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.progress import progress_bar
@@ -29,8 +28,7 @@ from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit, Fits, Status
 from gmwm_jax.fitting.weights import COVARIANCE, DEFAULT, GIVEN, ITERATED, require_theory
 from gmwm_jax.inference._criterion import optimism, projection, standard_error
-from gmwm_jax.inference._sweep import Subset, common_superset, components, submodels, text_of
-from gmwm_jax.inference._sweep import Sweep, resweep, sweep
+from gmwm_jax.inference._sweep import Subset, Sweep, common_superset, components, resweep, submodels, sweep, text_of
 from gmwm_jax.inference.goodness import chi_square
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
@@ -39,204 +37,8 @@ from gmwm_jax.variance.gap_covariance import covariance_under
 from gmwm_jax.variance.replicates import theory_draws
 from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
 
-Model = str | AbstractProcess | Composite
-
-
-def select(
-    data: WaveletVariance | Recording,
-    models: Model | Sequence[Model],
-    *,
-    nested: bool = True,
-    rate: float | None = None,
-    omega: Any = COVARIANCE,
-    num_replicates: int = 0,
-    key: PRNGKey | None = None,
-    level: float = 0.95,
-    progress: bool = False,
-) -> Any:
-    """Rank models by how well they would describe other data of the same sensor, and recommend the simplest good one.
-
-    Parameters
-    ----------
-    data
-        The wavelet variance of one or several channels, or a recording.
-    models
-        A superset such as ``"WN + QN + RW + DR + 3*GM"``, or several models, whose superset is then the smallest that
-        contains all of them.
-    nested
-        Compare all sub-models of the superset; False compares only the models given. Components that are held
-        altogether are in every sub-model.
-    rate, level
-        As for `fit`.
-    omega
-        Weights as for `fit` (None for its default), but those of the superset for all models: only then do objectives
-        compare. With those of the covariance an objective is chi-square for a right model, and the optimism twice the
-        number of parameters; others tell less well what is right.
-    num_replicates
-        Take the optimism from so many replicates of the superset instead of theory.
-    key
-        For the replicates.
-    progress
-        Show a progress bar of the replicates (needs tqdm).
-
-    Returns
-    -------
-    Selection for one channel, Selections for several.
-
-    Raises
-    ------
-    ValueError
-        No theory of this wavelet variance; a superset with more free parameters than scales, or with components that
-        cannot be told apart; a single model with ``nested=False``; replicates without a key or too few of them.
-    RuntimeError
-        The fit of the superset did not converge.
-    TypeError
-        Data, model or key of another kind.
-
-    Notes
-    -----
-    A component that is not there makes no model wrong, it makes it larger than needed: among models that differ by
-    such components the criterion varies by chance, and the lowest is not the truth. The recommendation is.
-    """
-    level = confidence(level)
-    num_replicates = integer("num_replicates", num_replicates, 0)
-    if num_replicates:
-        if num_replicates < 20:
-            raise ValueError(f"{num_replicates} replicates are too few for a covariance: take 20 or more, or none.")
-        if key is None:
-            raise ValueError("Replicates need a key: key=jax.random.key(0).")
-        typed_key(key)
-    superset, subsets = _candidates(models, nested)
-    wv = as_wavelet_variance(data, "select")
-    require_theory(wv, "Criteria")
-    found = fit(wv, superset, rate=rate, omega=omega, level=level)
-    fits = tuple(found.values()) if isinstance(found, Fits) else (found,)
-    selections = tuple(_select(f, superset, subsets, num_replicates, key, progress) for f in fits)
-    return selections[0] if wv.is_single else Selections(selections)
-
-
-def _candidates(models: Model | Sequence[Model], nested: bool) -> tuple[Composite, list[Subset]]:
-    if isinstance(models, str | AbstractProcess | Composite):
-        superset, given = common_superset([as_model(models)])
-    else:
-        superset, given = common_superset([as_model(m) for m in models])
-        if len(set(given)) < len(given):
-            raise ValueError("Two of the models given are the same.")
-    subsets = submodels(superset) if nested else given
-    if len(subsets) < 2:
-        raise ValueError(f"There is nothing to choose from: {superset} alone. Give a superset, or several models.")
-    return superset, subsets
-
-
-def _select(
-    whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, progress: bool
-) -> Selection:
-    # the covariance that the weights are the inverse of is that of the fit before
-    V = np.linalg.inv(whole.omega) if whole.weights in (COVARIANCE, ITERATED) else whole.wv_covariance
-    if V is None:
-        raise ValueError(f"There is no theory of the scatter of {superset}: leave SIN out, or take it off the record.")
-    weights = DEFAULT if whole.weights == DEFAULT else GIVEN
-    swept = sweep(superset, subsets, whole.wv, whole.omega, weights=weights, rate=whole.rate, level=whole.level)
-    fits = swept.fits
-    L = np.linalg.cholesky(whole.omega).T  # L' of the formulas
-    S = L @ V @ L.T
-    projections = [projection(L @ tangents(f)) for f in fits]
-    residuals = [f.whitened_residuals for f in fits]
-    if num_replicates:
-        lacks = _optimism_of_replicates(whole, V, swept, num_replicates, key, progress)
-    else:
-        lacks = np.array([optimism(P, S) for P in projections])
-    names = [text_of(Composite([superset.processes[i] for i in s])) for s in subsets]
-    contained = _contained(fits, names)
-    criteria = np.array([f.objective for f in fits]) + lacks
-    sound = np.array([f.status is Status.converged and not c for f, c in zip(fits, contained, strict=True)])
-    order = [int(m) for m in np.lexsort((criteria, ~sound))]
-
-    def error(a: int, b: int) -> float:
-        nested = set(subsets[a]) <= set(subsets[b]) or set(subsets[b]) <= set(subsets[a])
-        return standard_error((residuals[a], projections[a]), (residuals[b], projections[b]), S, nested)
-
-    z, best, inverse = normal_quantile(whole.level), order[0], np.linalg.inv(L)
-    candidates = []
-    for at, m in enumerate(order):
-        better = [b for b in order[:at] if sound[b] and criteria[m] - criteria[b] > z * error(m, b)]
-        # what a model without a random walk claims of the longest spans, only its own covariance knows
-        own = _own_covariance(whole, fits[m]) if sound[m] and not better else V
-        candidates.append(
-            Candidate(
-                names[m],
-                fits[m],
-                num_parameters=round(np.trace(projections[m])),
-                optimism=float(lacks[m]),
-                difference=float(criteria[m] - criteria[best]),
-                standard_error=error(m, best),
-                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, own)[2],
-                contained_in=contained[m],
-                worse_than=names[better[0]] if better else "",
-            )
-        )
-    return Selection(whole, tuple(candidates), whole.level, num_replicates)
-
-
-def _own_covariance(whole: Fit, fit: Fit) -> Float[np.ndarray, "J J"]:
-    """Covariance of the wavelet variance under a candidate, written as its superset: one program serves all."""
-    left, processes = list(fit.model.processes), []
-    for p in whole.model.processes:
-        own = next((q for q in left if components(Composite([q])) == components(Composite([p]))), None)
-        if own is not None:
-            left.remove(own)
-            processes.append(own)
-        else:
-            processes.append(eqx.tree_at(lambda q: getattr(q, q.parameters[-1].name), p, jnp.zeros(())))
-    V = covariance_under(Composite(processes), fit.wv)
-    assert V is not None  # that of the superset is known
-    return V
-
-
-def _optimism_of_replicates(
-    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: bool
-) -> Float[np.ndarray, " M"]:
-    """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
-    keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num, dtype=jnp.uint32))
-    nu = theory_draws(whole.model, whole.wv, V)(keys)
-    bar = progress_bar(len(swept.fits) * num, "fit", progress)
-    try:
-        fitted = resweep(swept, nu, bar.update)
-    finally:
-        bar.close()
-    L = np.linalg.cholesky(whole.omega).T
-    z, moved = (nu - nu.mean(axis=0)) @ L.T, (fitted - fitted.mean(axis=1, keepdims=True)) @ L.T
-    return 2 * np.sum(z * moved, axis=(1, 2)) / (num - 1)
-
-
-def tangents(fit: Fit) -> Float[np.ndarray, "J p"]:
-    """Derivatives of the fitted wavelet variance in the active parameters, on the real line."""
-    tau, at, columns = jnp.asarray(fit.wv.scales), 0, [np.zeros((fit.wv.num_scales, 0))]
-    for p in fit.model.processes:
-        own = [i - at for i in fit.active if at <= i < at + len(p.parameters)]
-        if own:
-            columns.append(np.asarray(_derivatives(p, tau))[:, own])
-        at += len(p.parameters)
-    return np.concatenate(columns, axis=1)
-
-
-@jax.jit
-def _derivatives(process: AbstractProcess, tau: Array) -> Array:
-    # a class of process at a time: few programs, whatever the number of models
-    return jax.jacfwd(lambda eta: process.from_unconstrained(eta).wavelet_variance(tau))(process.unconstrained())
-
-
-def _contained(fits: Sequence[Fit], names: Sequence[str]) -> list[str]:
-    """For each fit with a component at zero or at a limit, the candidate that it is; else ""."""
-    known = {frozenset(components(as_model(name)).items()): name for name in names}
-    found = []
-    for f, name in zip(fits, names, strict=True):
-        same = ""
-        if f.at_boundary:
-            same = known.get(frozenset(components(f.reduced).items()), "")
-        found.append("" if same == name else same)
-    return found
-
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _REJECTED = 0.01
 
@@ -448,3 +250,202 @@ class Selections(Mapping[str, Selection]):
         from gmwm_jax.plotting.selection import plot_selections
 
         return plot_selections(self)
+
+
+Model = str | AbstractProcess | Composite
+
+
+def select(
+    data: WaveletVariance | Recording,
+    models: Model | Sequence[Model],
+    *,
+    nested: bool = True,
+    rate: float | None = None,
+    omega: Any = COVARIANCE,
+    num_replicates: int = 0,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    progress: bool = False,
+) -> Any:
+    """Rank models by how well they would describe other data of the same sensor, and recommend the simplest good one.
+
+    Parameters
+    ----------
+    data
+        The wavelet variance of one or several channels, or a recording.
+    models
+        A superset such as ``"WN + QN + RW + DR + 3*GM"``, or several models, whose superset is then the smallest that
+        contains all of them.
+    nested
+        Compare all sub-models of the superset; False compares only the models given. Components that are held
+        altogether are in every sub-model.
+    rate, level
+        As for `fit`.
+    omega
+        Weights as for `fit` (None for its default), but those of the superset for all models: only then do objectives
+        compare. With those of the covariance an objective is chi-square for a right model, and the optimism twice the
+        number of parameters; others tell less well what is right.
+    num_replicates
+        Take the optimism from so many replicates of the superset instead of theory.
+    key
+        For the replicates.
+    progress
+        Show a progress bar of the replicates (needs tqdm).
+
+    Returns
+    -------
+    Selection for one channel, Selections for several.
+
+    Raises
+    ------
+    ValueError
+        No theory of this wavelet variance; a superset with more free parameters than scales, or with components that
+        cannot be told apart; a single model with ``nested=False``; replicates without a key or too few of them.
+    RuntimeError
+        The fit of the superset did not converge.
+    TypeError
+        Data, model or key of another kind.
+
+    Notes
+    -----
+    A component that is not there makes no model wrong, it makes it larger than needed: among models that differ by
+    such components the criterion varies by chance, and the lowest is not the truth. The recommendation is.
+    """
+    level = confidence(level)
+    num_replicates = integer("num_replicates", num_replicates, 0)
+    if num_replicates:
+        if num_replicates < 20:
+            raise ValueError(f"{num_replicates} replicates are too few for a covariance: take 20 or more, or none.")
+        if key is None:
+            raise ValueError("Replicates need a key: key=jax.random.key(0).")
+        typed_key(key)
+    superset, subsets = _candidates(models, nested)
+    wv = as_wavelet_variance(data, "select")
+    require_theory(wv, "Criteria")
+    found = fit(wv, superset, rate=rate, omega=omega, level=level)
+    fits = tuple(found.values()) if isinstance(found, Fits) else (found,)
+    selections = tuple(_select(f, superset, subsets, num_replicates, key, progress) for f in fits)
+    return selections[0] if wv.is_single else Selections(selections)
+
+
+def _candidates(models: Model | Sequence[Model], nested: bool) -> tuple[Composite, list[Subset]]:
+    if isinstance(models, str | AbstractProcess | Composite):
+        superset, given = common_superset([as_model(models)])
+    else:
+        superset, given = common_superset([as_model(m) for m in models])
+        if len(set(given)) < len(given):
+            raise ValueError("Two of the models given are the same.")
+    subsets = submodels(superset) if nested else given
+    if len(subsets) < 2:
+        raise ValueError(f"There is nothing to choose from: {superset} alone. Give a superset, or several models.")
+    return superset, subsets
+
+
+def _select(
+    whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, progress: bool
+) -> Selection:
+    # the covariance that the weights are the inverse of is that of the fit before
+    V = np.linalg.inv(whole.omega) if whole.weights in (COVARIANCE, ITERATED) else whole.wv_covariance
+    if V is None:
+        raise ValueError(f"There is no theory of the scatter of {superset}: leave SIN out, or take it off the record.")
+    weights = DEFAULT if whole.weights == DEFAULT else GIVEN
+    swept = sweep(superset, subsets, whole.wv, whole.omega, weights=weights, rate=whole.rate, level=whole.level)
+    fits = swept.fits
+    L = np.linalg.cholesky(whole.omega).T  # L' of the formulas
+    S = L @ V @ L.T
+    projections = [projection(L @ tangents(f)) for f in fits]
+    residuals = [f.whitened_residuals for f in fits]
+    if num_replicates:
+        lacks = _optimism_of_replicates(whole, V, swept, num_replicates, key, progress)
+    else:
+        lacks = np.array([optimism(P, S) for P in projections])
+    names = [text_of(Composite([superset.processes[i] for i in s])) for s in subsets]
+    contained = _contained(fits, names)
+    criteria = np.array([f.objective for f in fits]) + lacks
+    sound = np.array([f.status is Status.converged and not c for f, c in zip(fits, contained, strict=True)])
+    order = [int(m) for m in np.lexsort((criteria, ~sound))]
+
+    def error(a: int, b: int) -> float:
+        nested = set(subsets[a]) <= set(subsets[b]) or set(subsets[b]) <= set(subsets[a])
+        return standard_error((residuals[a], projections[a]), (residuals[b], projections[b]), S, nested)
+
+    z, best, inverse = normal_quantile(whole.level), order[0], np.linalg.inv(L)
+    candidates = []
+    for at, m in enumerate(order):
+        better = [b for b in order[:at] if sound[b] and criteria[m] - criteria[b] > z * error(m, b)]
+        # what a model without a random walk claims of the longest spans, only its own covariance knows
+        own = _own_covariance(whole, fits[m]) if sound[m] and not better else V
+        candidates.append(
+            Candidate(
+                names[m],
+                fits[m],
+                num_parameters=round(np.trace(projections[m])),
+                optimism=float(lacks[m]),
+                difference=float(criteria[m] - criteria[best]),
+                standard_error=error(m, best),
+                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, own)[2],
+                contained_in=contained[m],
+                worse_than=names[better[0]] if better else "",
+            )
+        )
+    return Selection(whole, tuple(candidates), whole.level, num_replicates)
+
+
+def _own_covariance(whole: Fit, fit: Fit) -> Float[np.ndarray, "J J"]:
+    """Covariance of the wavelet variance under a candidate, written as its superset: one program serves all."""
+    left, processes = list(fit.model.processes), []
+    for p in whole.model.processes:
+        own = next((q for q in left if components(Composite([q])) == components(Composite([p]))), None)
+        if own is not None:
+            left.remove(own)
+            processes.append(own)
+        else:
+            processes.append(eqx.tree_at(lambda q: getattr(q, q.parameters[-1].name), p, jnp.zeros(())))
+    V = covariance_under(Composite(processes), fit.wv)
+    assert V is not None  # that of the superset is known
+    return V
+
+
+def _optimism_of_replicates(
+    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: bool
+) -> Float[np.ndarray, " M"]:
+    """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
+    keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num, dtype=jnp.uint32))
+    nu = theory_draws(whole.model, whole.wv, V)(keys)
+    bar = progress_bar(len(swept.fits) * num, "fit", progress)
+    try:
+        fitted = resweep(swept, nu, bar.update)
+    finally:
+        bar.close()
+    L = np.linalg.cholesky(whole.omega).T
+    z, moved = (nu - nu.mean(axis=0)) @ L.T, (fitted - fitted.mean(axis=1, keepdims=True)) @ L.T
+    return 2 * np.sum(z * moved, axis=(1, 2)) / (num - 1)
+
+
+def tangents(fit: Fit) -> Float[np.ndarray, "J p"]:
+    """Derivatives of the fitted wavelet variance in the active parameters, on the real line."""
+    tau, at, columns = jnp.asarray(fit.wv.scales), 0, [np.zeros((fit.wv.num_scales, 0))]
+    for p in fit.model.processes:
+        own = [i - at for i in fit.active if at <= i < at + len(p.parameters)]
+        if own:
+            columns.append(np.asarray(_derivatives(p, tau))[:, own])
+        at += len(p.parameters)
+    return np.concatenate(columns, axis=1)
+
+
+@jax.jit
+def _derivatives(process: AbstractProcess, tau: Array) -> Array:
+    # a class of process at a time: few programs, whatever the number of models
+    return jax.jacfwd(lambda eta: process.from_unconstrained(eta).wavelet_variance(tau))(process.unconstrained())
+
+
+def _contained(fits: Sequence[Fit], names: Sequence[str]) -> list[str]:
+    """For each fit with a component at zero or at a limit, the candidate that it is; else ""."""
+    known = {frozenset(components(as_model(name)).items()): name for name in names}
+    found = []
+    for f, name in zip(fits, names, strict=True):
+        same = ""
+        if f.at_boundary:
+            same = known.get(frozenset(components(f.reduced).items()), "")
+        found.append("" if same == name else same)
+    return found

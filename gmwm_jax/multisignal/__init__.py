@@ -1,1 +1,15 @@
-"""A room."""
+"""Several records of one sensor type: a joint fit, how much the records differ, which model serves records left out."""
+
+from gmwm_jax.multisignal.comparison import ParameterSpread as ParameterSpread
+from gmwm_jax.multisignal.comparison import RecordComparison as RecordComparison
+from gmwm_jax.multisignal.comparison import compare_records as compare_records
+from gmwm_jax.multisignal.cross_validation import CrossValidation as CrossValidation
+from gmwm_jax.multisignal.cross_validation import ModelScore as ModelScore
+from gmwm_jax.multisignal.cross_validation import cross_validate as cross_validate
+from gmwm_jax.multisignal.joint import JointFit as JointFit
+from gmwm_jax.multisignal.joint import JointFits as JointFits
+from gmwm_jax.multisignal.joint import fit_records as fit_records
+from gmwm_jax.multisignal.resampling import RecordResamples as RecordResamples
+from gmwm_jax.multisignal.resampling import resample_records as resample_records
+from gmwm_jax.multisignal.stationarity import NearStationarity as NearStationarity
+from gmwm_jax.multisignal.stationarity import near_stationarity as near_stationarity

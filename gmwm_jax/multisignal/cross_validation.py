@@ -25,8 +25,7 @@ from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.multisignal._pool import as_records
 from gmwm_jax.multisignal._refit import joint_refit
-from gmwm_jax.multisignal.joint import JointFit
-from gmwm_jax.multisignal.joint import fit_records
+from gmwm_jax.multisignal.joint import JointFit, fit_records
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 

@@ -25,7 +25,6 @@ from gmwm_jax.fitting.weights import (
     two_step_weights,
 )
 from gmwm_jax.multisignal._pool import Pool, as_records, pool, pooled, record_names
-from gmwm_jax.multisignal.joint import JointFit, JointFits
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Fixed
 from gmwm_jax.processes.registry import as_model

@@ -24,9 +24,9 @@ from jaxtyping import Bool, Float
 from scipy.special import stdtr, stdtrit
 
 from gmwm_jax._internal.checks import confidence, integer, require_x64, typed_key
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.standard_errors import evaluate
-from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.inference.intervals import (
     as_parameters,

@@ -80,7 +80,10 @@ class NearStationarity:
         )
 
     def plot(self) -> "Figure":
-        """Objectives of the replicates with that of the data, see `gmwm_jax.plotting.multisignal.plot_near_stationarity`."""
+        """Objectives of the replicates with that of the data.
+
+        See `gmwm_jax.plotting.plot_near_stationarity`.
+        """
         from gmwm_jax.plotting.multisignal import plot_near_stationarity
 
         return plot_near_stationarity(self)

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax.fitting.tables import Estimate
-from gmwm_jax.inference.intervals import replicates_needed
 from gmwm_jax.inference.bootstrapping import Bootstrap
+from gmwm_jax.inference.intervals import replicates_needed
 
 _DRAWS, _ESTIMATE, _THEORY = "#2a7f8e", "#c23b22", "0.35"
 

@@ -15,12 +15,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax.fitting.result import Fit, Fits
+from gmwm_jax.fitting.slopes import SlopeRegression
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.regression.regression import Regression
 from gmwm_jax.variance.allan import AllanDeviation
-from gmwm_jax.fitting.slopes import SlopeRegression
 from gmwm_jax.variance.robust_comparison import RobustComparison
 from gmwm_jax.variance.wavelet import WaveletVariance
 

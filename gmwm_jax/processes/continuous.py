@@ -12,7 +12,6 @@ import jax.numpy as jnp
 from gmwm_jax._internal.checks import as_float, sampling_rate
 from gmwm_jax.processes.arma import AbstractArma
 from gmwm_jax.processes.base import AbstractProcess
-from gmwm_jax.processes.continuous import ContinuousForm, continuous_form
 from gmwm_jax.processes.fractional import density
 from gmwm_jax.processes.registry import process_class
 

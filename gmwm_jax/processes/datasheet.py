@@ -7,6 +7,7 @@ from typing import Any
 from gmwm_jax._internal.checks import positive, sampling_rate
 from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.continuous import from_continuous
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.gauss_markov import GM
@@ -14,7 +15,6 @@ from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import convert, unit
-from gmwm_jax.processes.continuous import from_continuous
 
 _ENTRY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^-+.\d\s].*?)?\s*")
 # entry -> (process, what its SI unit adds to the signal's, datasheet value -> filter quantity)

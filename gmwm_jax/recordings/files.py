@@ -1,6 +1,6 @@
 """Recordings from files and back: NumPy, Parquet, R data and text.
 
-Each format is opened as `Columns`, text in `gmwm_jax._internal.text_files`, the others here. The rest (choice of columns, rate, units)
+Each format is opened as `Columns`, text in `text_files`, the others here. The rest (choice of columns, rate, units)
 is the same for all formats.
 """
 

@@ -28,6 +28,19 @@ from scipy.special import ndtri
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 
+
+@dataclass(frozen=True)
+class OutlierRun:
+    """Neighbouring samples that are outliers."""
+
+    first: int
+    """Index of the first of them."""
+    last: int
+    size: float
+    """In robust scales: the largest wavelet coefficient of span 2 (half a step between neighbours), or, of
+    `mask_outliers`, deviation from a running median."""
+
+
 _HALF_WIDTHS = (1, 4, 16)
 _PROBED = 1 << 15
 """Windows, evenly spread, whose deviations show the scale."""
@@ -189,15 +202,3 @@ def _runs(size: Float[np.ndarray, " N"]) -> tuple[OutlierRun, ...]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], size > 0, [False]]).astype(np.int8)))
     runs = [OutlierRun(int(a), int(b) - 1, float(np.max(size[a:b]))) for a, b in edges.reshape(-1, 2)]
     return tuple(sorted(runs, key=lambda run: -run.size))
-
-
-@dataclass(frozen=True)
-class OutlierRun:
-    """Neighbouring samples that are outliers."""
-
-    first: int
-    """Index of the first of them."""
-    last: int
-    size: float
-    """In robust scales: the largest wavelet coefficient of span 2 (half a step between neighbours), or, of
-    `mask_outliers`, deviation from a running median."""

@@ -3,7 +3,7 @@
 In the spirit of GMWMX (Cucci, Voirol, Kermarrec, Montillet & Guerrier 2023, J. Geodesy 97:14), in O(N log N):
 
 1. Ordinary least squares (OLS), and a GMWM fit of the noise to the wavelet variance of its residuals.
-2. Generalised least squares (GLS) with the covariance Sigma of that noise, by whitening (`gmwm_jax.processes.whitening`):
+2. Generalised least squares (GLS) with the covariance Sigma of that noise, by whitening (`processes.whitening`):
    b = C X' Sigma^-1 y and C = (X' Sigma^-1 X)^-1, its covariance.
 3. The noise again, from the wavelet variance of the GLS residuals; back to 2 until nothing changes.
 
@@ -30,10 +30,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, sampling_rate
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit
-from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.weights import TWO_STEP
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.drift import DR

@@ -1,6 +1,6 @@
 """Covariance of the wavelet variance by pairs, for a model and the missing samples of one record.
 
-nu_j^2 = x' Q_j x (`gmwm_jax.variance.gaps`), so by Isserlis' theorem, for a Gaussian x with covariance Sigma and mean mu,
+nu_j^2 = x' Q_j x (`variance.gaps`), so by Isserlis' theorem, for a Gaussian x with covariance Sigma and mean mu,
 
     Cov(nu_j^2, nu_k^2) = 2 tr(Q_j Sigma Q_k Sigma) + 4 mu' Q_j Sigma Q_k mu.
 
@@ -9,7 +9,7 @@ over its whole length. z_j' Sigma z_k is a sum over frequencies, as each z_j = Q
 noise and random walks if the transform is no shorter than the record.
 
 Most of what is left of chance goes if the same draws are put through the MODWT of a complete record, whose covariance V
-is known (`gmwm_jax.variance.covariance`). With G and G_0 the two Gram matrices, of the record with gaps and without them,
+is known (`variance.covariance`). With G and G_0 the two Gram matrices, of the record with gaps and without them,
 
     R R_0^-1 G R_0'^-1 R',    R R' = V,  R_0 R_0' = G_0,
 

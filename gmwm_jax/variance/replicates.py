@@ -22,8 +22,8 @@ from scipy.special import gammaincinv, ndtr
 
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.simulation import simulate_each
-from gmwm_jax.variance.blocked import host_wavelet_variance
 from gmwm_jax.variance._skewness import wv_skewness
+from gmwm_jax.variance.blocked import host_wavelet_variance
 from gmwm_jax.variance.gaps import find_pairs, gap_wavelet_variance
 from gmwm_jax.variance.wavelet import WaveletVariance
 

@@ -1,7 +1,7 @@
 """Classic against robust wavelet variance of one channel: at which scales they disagree, and which samples are why.
 
 The test of a scale is Hausman's (1978): the robust estimator is the efficient one plus an error that is uncorrelated
-with it (in the expansion of `gmwm_jax.variance.robust`: the powers of rho^2 beyond the first), so that on clean data the
+with it (in the expansion of `variance.robust`: the powers of rho^2 beyond the first), so that on clean data the
 variance of the difference of the logarithms is the difference of the variances, 2/eta_j (widening_j - 1).
 """
 

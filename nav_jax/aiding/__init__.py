@@ -1,1 +1,7 @@
-"""A room."""
+"""Aiding sensors, one a file: what they measure, how well, when, and what they measured."""
+
+from nav_jax.aiding.barometer import Barometer as Barometer
+from nav_jax.aiding.base import AbstractAiding as AbstractAiding
+from nav_jax.aiding.fixes import Fixes as Fixes
+from nav_jax.aiding.gnss import GnssPosition as GnssPosition
+from nav_jax.aiding.gnss import GnssVelocity as GnssVelocity

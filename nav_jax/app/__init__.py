@@ -1,1 +1,1 @@
-"""A room."""
+"""Configuration files, the command line ``nav-jax``, reports and the demonstration."""

@@ -14,8 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.aiding.gnss import GnssPosition
-from nav_jax.aiding.gnss import GnssVelocity
+from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.imu.errors import ImuErrors, convert_unit, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics.earth import STANDARD_GRAVITY

@@ -4,7 +4,7 @@ An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model
 filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR and
 MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not
 grow: a filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that
-is. Noise of long memory (BI, FGN) has no state either; `gmwm_jax.flicker_ladder` approximates BI by GM.
+is. Noise of long memory (BI, FGN) has no state either; `gmwm_jax.processes.flicker_ladder` approximates BI by GM.
 """
 
 import json
@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gmwm_jax import Composite, datasets, read_recording, units
-from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
 from gmwm_jax._internal.checks import as_float, concrete, positive, sampling_rate
 from gmwm_jax._internal.typing import Real
+from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form

@@ -11,8 +11,8 @@ from jax import Array
 from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.checks import increasing, real_array, require_x64, sampling_rate
-from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors
 from gmwm_jax._internal.text_table import format_table
+from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.kinematics.rotation import SMALL_ROTATION

@@ -9,8 +9,9 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
-from gmwm_jax import GM, RW, WN, Composite, StateSpace, parse_model, simulate
+from gmwm_jax import GM, RW, WN, Composite, parse_model, simulate
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax.processes import StateSpace
 
 NoiseModel = Composite
 """The noise of one axis of a sensor; no other file needs to know whose class it is."""
@@ -130,7 +131,7 @@ def complete_form(process: Any, what: str) -> StateSpace:
     if process.kind != "QN":
         raise ValueError(
             f"{process.kind} of {what} has no state-space form, and so no covariance that could be propagated: replace "
-            "it, a flicker noise by gmwm_jax.flicker_ladder, or run a Monte Carlo."
+            "it, a flicker noise by gmwm_jax.processes.flicker_ladder, or run a Monte Carlo."
         )
     # (Y_t, Y_{t-1}), of which the difference is read
     q2 = process.amplitude

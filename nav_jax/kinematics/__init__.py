@@ -1,1 +1,3 @@
-"""A room."""
+"""Rotations, the Earth, the mechanisation of inertial sensors, and small matrices with runs as their last axis."""
+
+from nav_jax.kinematics.earth import FlatEarth as FlatEarth

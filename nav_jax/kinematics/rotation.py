@@ -24,7 +24,7 @@ _SMALL = 4e-3
 """Squared angle below which four terms of a series are exact to 1e-17."""
 
 SMALL_ROTATION = 1.5
-"""Angle in rad up to which the series of `quat_from_small_rotvec` and of `nav_jax.kinematics.strapdown` are exact to 1e-14."""
+"""Angle in rad up to which the series of `quat_from_small_rotvec` and of `strapdown` are exact to 1e-14."""
 
 
 def horner(coefficients: Sequence[float], x: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -10,8 +10,8 @@ import jax
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import Setup, check_rates
 from nav_jax.filter.initial import InitialUncertainty
@@ -219,7 +219,7 @@ def analyse(
 ) -> Analysis:
     """True and claimed covariance of filters that believe other noise models than the truth, without random numbers.
 
-    Exact to first order in the errors, see `nav_jax.lincov.covariance`; for what is beyond that `compare` runs a Monte Carlo.
+    Exact to first order in the errors, see `lincov.covariance`; for what is beyond that `compare` runs a Monte Carlo.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64
 
-from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty

@@ -16,8 +16,8 @@ from jax import Array
 from jaxtyping import Float64, Key
 
 from gmwm_jax._internal.checks import integer, typed_key
-from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.parameters import ErrorLines

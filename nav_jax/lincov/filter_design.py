@@ -20,9 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from gmwm_jax._internal.checks import integer
-from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.imu.errors import ImuErrors

@@ -11,11 +11,10 @@ from gmwm_jax._internal.nav_columns import Columns, open_source
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.aiding.gnss import GnssPosition
-from nav_jax.aiding.gnss import GnssVelocity
+from nav_jax.aiding.fixes import Fixes
+from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import ned_from_geodetic
-from nav_jax.aiding.fixes import Fixes
 from nav_jax.trajectory.columns import ACCEL, GYRO, POSITION, VELOCITY, Reader, pick
 
 _MEASURED: Mapping[type[AbstractAiding], Sequence[str]] = {

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from gmwm_jax._internal.checks import integer, number, of_kind, real_array
-from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.text_table import format_table
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.ekf import NavState

@@ -17,6 +17,7 @@ from gmwm_jax._internal.checks import number as check_number
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 from nav_jax.imu.errors import ImuErrors
@@ -25,7 +26,6 @@ from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.recorded._search import Objective, search
 from nav_jax.recorded.likelihood import Model, Record
 from nav_jax.recorded.navigation import prepare_navigation
-from nav_jax.aiding.fixes import Fixes
 from nav_jax.statistics.distributions import normal_quantile
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, typed_key
-from gmwm_jax._internal.typing import Real
 from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import GAINS, Setup, check_rates, draw_inputs, gains_of, run_filter, run_keys
 from nav_jax.filter.initial import InitialUncertainty

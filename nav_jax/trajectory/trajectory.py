@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from gmwm_jax._internal.checks import increasing, number, real_array, require_x64, sampling_rate
-from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from gmwm_jax._internal.text_table import format_table
+from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from nav_jax.kinematics import rotation
 
 _NORM_TOLERANCE = 1e-6

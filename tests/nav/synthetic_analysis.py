@@ -21,7 +21,7 @@ def make_covariances(name="right", *, inflation=1.0, scale=1.0):
     """Standard deviations of 0.1 m, 0.01 m/s and 1 mrad that grow in the outage; true errors are `inflation` times."""
     sd = scale * GROWTH[:, None] * np.repeat([0.1, 0.01, 1e-3, 1e-3, 1e-4], 3)
     claimed = sd[:, :, None] ** 2 * np.eye(15)
-    return nj.Covariances(
+    return nj.lincov.Covariances(
         name=name,
         time=TIME,
         true=inflation**2 * claimed,
@@ -35,7 +35,7 @@ def make_covariances(name="right", *, inflation=1.0, scale=1.0):
 def make_analysis():
     """A filter that is right and one that claims half its error."""
     filters = {"right": make_covariances(), "optimist": make_covariances("optimist", inflation=2.0)}
-    return nj.Analysis(filters, "a line", "a model")
+    return nj.lincov.Analysis(filters, "a line", "a model")
 
 
 def make_sensitivities(num=6):
@@ -45,14 +45,14 @@ def make_sensitivities(num=6):
     weights = np.concatenate([0.5 ** np.arange(num), -(0.5 ** (np.arange(num) + 0.5))])
     derivative = {q: x[:, None] * weights for q, x in rms.items()}
     sides = ("truth",) * num + ("filter",) * num
-    return nj.Sensitivities(TIME, sides, (*names, *names), rms, derivative, dict(OUTAGES), FIXES)
+    return nj.lincov.Sensitivities(TIME, sides, (*names, *names), rms, derivative, dict(OUTAGES), FIXES)
 
 
 def make_budget(num=10):
     """Sources each twice as large as the one before; nothing at the first epoch."""
     part = 2.0 ** np.arange(num)[:, None, None] * np.ones((num, len(TIME), 9)) * GROWTH[None, :, None] ** 2 * 1e-4
     part[:, 0] = 0.0
-    return nj.Budget(TIME, tuple(f"source {i}" for i in range(num)), part, dict(OUTAGES), FIXES)
+    return nj.lincov.Budget(TIME, tuple(f"source {i}" for i in range(num)), part, dict(OUTAGES), FIXES)
 
 
 def make_calibration(num=50):
@@ -62,14 +62,14 @@ def make_calibration(num=50):
     used = {q: spread * x for q, x in rms.items()}
     best = {q: x / 1.01 for q, x in used.items()}
     sd = dict.fromkeys(QUANTITIES, np.full(len(TIME), 0.06))
-    return nj.CalibrationEffect(TIME, rms, used, best, sd, dict(OUTAGES), FIXES)
+    return nj.lincov.CalibrationEffect(TIME, rms, used, best, sd, dict(OUTAGES), FIXES)
 
 
 def make_design():
     """Four structures, two of them with three states; one did not converge, one is not on the front."""
     structures = (((0, 0), 3.0, True), ((1, 0), 1.0, True), ((0, 1), 2.0, True), ((1, 1), 0.5, False))
     candidates = tuple(
-        nj.Candidate(
+        nj.lincov.Candidate(
             num_accel=a,
             num_gyro=g,
             num_states=3 * (a + g),
@@ -83,14 +83,14 @@ def make_design():
         )
         for (a, g), loss, converged in structures
     )
-    scenario = nj.Scenario(nj.static(30.0, 20.0), ())
-    return nj.Design(candidates, (make_covariances(),), "score", TRUTH, (scenario,))
+    scenario = nj.Scenario(nj.motions.static(30.0, 20.0), ())
+    return nj.lincov.Design(candidates, (make_covariances(),), "score", TRUTH, (scenario,))
 
 
 def make_tuning():
     """Four parameters: the record says nothing of the second, and the last was held."""
     start, nan = np.array([1e-4, 0.01, 1e-6, 1e-7]), np.nan
-    return nj.Tuning(
+    return nj.recorded.Tuning(
         errors=TRUTH,
         aiding=(nj.GnssPosition(1.0, horizontal=1.0, vertical=2.0),),
         names=("accel WN sigma2", "accel GM beta", "accel GM variance", "gyro WN sigma2"),

@@ -1,1 +1,1 @@
-"""A room."""
+"""Recursions, series and quadratures that several processes need."""

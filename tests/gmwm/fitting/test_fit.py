@@ -20,7 +20,7 @@ def mtig(request):
     """Published wavelet variance of the MTi-G, gyro X (its objectives are known to all digits)."""
     folder = request.getfixturevalue("shared")
     row = json.loads((folder / "reference" / "imu_wv_library.json").read_text())["MTiG"]["Gyro.X"]
-    return gj.WaveletVariance.from_table(
+    return gj.variance.WaveletVariance.from_table(
         *(row[k] for k in ("scales", "variance", "ci_low", "ci_high")),
         num_samples=row["N"],
         rate=float(row["freq"]),
@@ -61,12 +61,12 @@ def test_published_objectives_are_reproduced_and_beaten(mtig, published, name):
     R's AR1 formula cancels (4e-4 at its slowest process here), which shows in the ninth digit of its objective.
     """
     row = published[name]
-    at_r = gj.objective(mtig, from_r(row["process"], row["R_estimate"]))
+    at_r = gj.fitting.objective(mtig, from_r(row["process"], row["R_estimate"]))
     assert at_r == pytest.approx(row["R_objective"], rel=1e-8, abs=0)
     fit = gj.fit(mtig, name)
     assert fit.status is Status.converged
     assert fit.objective <= row["best_known_objective"] * (1 + 1e-8)
-    assert fit.objective == pytest.approx(gj.objective(mtig, fit.model), rel=1e-12, abs=0)
+    assert fit.objective == pytest.approx(gj.fitting.objective(mtig, fit.model), rel=1e-12, abs=0)
     assert fit.objective == pytest.approx(np.sum(fit.whitened_residuals**2), rel=1e-9, abs=0)
 
 
@@ -96,7 +96,7 @@ def adis_fits(request):
     folder = request.getfixturevalue("shared")
     reference = json.loads((folder / "reference" / "gmwm_fits.json").read_text())
     rows = [models["WN"] for models in reference.values()]
-    wv = gj.WaveletVariance(
+    wv = gj.variance.WaveletVariance(
         np.array(rows[0]["scales"], dtype=float),
         *(np.column_stack([row[k] for row in rows]) for k in ("wv", "ci_low", "ci_high")),
         channels=tuple(reference),
@@ -142,7 +142,7 @@ def test_never_above_r(adis_fits):
             assert fit.objective <= row["obj"] * (1 + 1e-9), (channel, name)
             at_r = from_r(row["process"], row["est"])
             in_digits, in_double = textbook_objective(fit.wv, at_r, mp.mpf), textbook_objective(fit.wv, at_r, float)
-            assert gj.objective(fit.wv, at_r) == pytest.approx(in_digits, rel=1e-12, abs=0), (channel, name)
+            assert gj.fitting.objective(fit.wv, at_r) == pytest.approx(in_digits, rel=1e-12, abs=0), (channel, name)
             assert in_double == pytest.approx(row["obj"], rel=1e-4, abs=0), (channel, name)
 
 
@@ -198,7 +198,7 @@ def test_hard_cases_of_the_library(shared):
     Their basin is missed by a search from evenly spread starts; nestedness then fails by 12 %.
     """
     row = json.loads((shared / "reference" / "imu_wv_library.json").read_text())["ln200"]["Gyro.Y"]
-    wv = gj.WaveletVariance.from_table(*(row[k] for k in ("scales", "variance", "ci_low", "ci_high")))
+    wv = gj.variance.WaveletVariance.from_table(*(row[k] for k in ("scales", "variance", "ci_low", "ci_high")))
     two = gj.fit(wv, "WN + 2*GM").objective
     assert gj.fit(wv, "WN + GM").objective > 1.1 * two
     assert gj.fit(wv, "WN + RW + 3*GM").objective <= two * (1 + 1e-9)
@@ -208,7 +208,9 @@ def exact(model, levels=18):
     tau = 2.0 ** np.arange(1, levels + 1)
     nu = np.asarray(gj.parse_model(model).wavelet_variance(tau))
     half = nu * np.sqrt(tau / tau[-1])
-    return gj.WaveletVariance.from_table(tau, nu, np.maximum(nu - half, 0.1 * nu), nu + half, num_samples=2**20)
+    return gj.variance.WaveletVariance.from_table(
+        tau, nu, np.maximum(nu - half, 0.1 * nu), nu + half, num_samples=2**20
+    )
 
 
 @pytest.mark.parametrize(
@@ -245,7 +247,7 @@ def test_linear_models_equal_scipys_nnls():
     columns = {"WN": 1 / tau, "QN": 6 / tau**2, "RW": (tau**2 + 2) / (12 * tau), "DR": tau**2 / 16}
     for _ in range(20):
         nu = np.abs(columns["WN"] * rng.lognormal(0, 1, tau.size) + 1e-4 * columns["RW"] * rng.lognormal())
-        wv = gj.WaveletVariance.from_table(tau, nu, 0.8 * nu, 1.3 * nu)
+        wv = gj.variance.WaveletVariance.from_table(tau, nu, 0.8 * nu, 1.3 * nu)
         weight = 1 / (0.5 * nu)
         _, norm = nnls(np.column_stack(list(columns.values())) * weight[:, None], nu * weight)
         assert gj.fit(wv, "WN + QN + RW + DR").objective == pytest.approx(norm**2, rel=1e-9, abs=0)
@@ -259,7 +261,7 @@ def test_agrees_with_a_general_optimiser():
 
     def Q(logs):
         s, b, v = np.exp(logs)
-        return gj.objective(wv, gj.WN(s) + gj.GM(b, v))
+        return gj.fitting.objective(wv, gj.WN(s) + gj.GM(b, v))
 
     for start in ([0.1, -4.5, -1.5], [-1.0, -2.0, -3.0]):
         other = minimize(Q, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-13, "maxiter": 3000})
@@ -424,11 +426,15 @@ def test_bad_rates_and_types_name_their_fault():
     with pytest.raises(ValueError, match="sampling rate is missing"):
         gj.fit(wv, "WN").continuous()
     with pytest.raises(ValueError, match=r"rate=2.01 was given, and the data have 2.0 Hz"):
-        gj.fit(gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high, rate=2.0), "WN", rate=2.01)
+        gj.fit(
+            gj.variance.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high, rate=2.0),
+            "WN",
+            rate=2.01,
+        )
     with pytest.raises(ValueError, match=r"rate=3.0 was given, and the data have 2.0 Hz"):
         gj.fit(wv, "WN", rate=2.0).continuous(3.0)
     with pytest.raises(ValueError, match="no value for sigma2"):
-        gj.objective(wv, "WN")
+        gj.fitting.objective(wv, "WN")
     with pytest.raises(ValueError, match="between 0 and 1"):
         gj.fit(wv, "WN", level=95.0)
     for refused in (lambda: gj.fit(wv, "WN", key=0), lambda: gj.fit([1.0, 2.0], "WN"), lambda: gj.fit(wv, 3)):
@@ -441,7 +447,7 @@ def test_bad_rates_and_types_name_their_fault():
 def test_a_search_without_a_finite_objective_says_so():
     tau = 2.0 ** np.arange(1, 7)
     nu = 100 * tau
-    wv = gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu)
+    wv = gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu)
     with pytest.raises(RuntimeError, match="no finite objective"):
         gj.fit(wv, "WN", omega=np.full(6, 1e308))
     assert gj.fit(wv, "WN", omega=np.full(6, 1e308), throw=False).status is Status.non_finite
@@ -449,10 +455,10 @@ def test_a_search_without_a_finite_objective_says_so():
 
 def test_weights_beyond_floating_point_are_refused():
     tau = 2.0 ** np.arange(1, 7)
-    wv = gj.WaveletVariance.from_table(tau, 1e-170 / tau, 0.9e-170 / tau, 1.1e-170 / tau)
+    wv = gj.variance.WaveletVariance.from_table(tau, 1e-170 / tau, 0.9e-170 / tau, 1.1e-170 / tau)
     with pytest.raises(ValueError, match="beyond floating point: take other units"):
         gj.fit(wv, "WN")
-    huge = gj.WaveletVariance.from_table(tau, 1e300 / tau, 0.9e300 / tau, 1.1e300 / tau)
+    huge = gj.variance.WaveletVariance.from_table(tau, 1e300 / tau, 0.9e300 / tau, 1.1e300 / tau)
     with pytest.raises(ValueError, match="Weights times wavelet variance are beyond floating point"):
         gj.fit(huge, "WN + GM", omega=np.full(6, 1e300), throw=False)
     with pytest.raises(ValueError, match="two-step weights need a model with a variance"):
@@ -487,7 +493,7 @@ def test_reduced_model_is_what_the_data_show(truth, model, kinds):
     """Exact wavelet variances: what is superfluous is zero or at a limit, and the reduced model does without it."""
     tau = 2.0 ** np.arange(1, 15)
     nu = np.asarray(gj.parse_model(truth).wavelet_variance(tau))
-    f = gj.fit(gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu), model)
+    f = gj.fit(gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu), model)
     assert f.at_boundary
     assert sorted(p.kind for p in f.reduced.processes) == kinds.split()
     np.testing.assert_allclose(f.reduced.wavelet_variance(tau), f.fitted, rtol=1e-6)

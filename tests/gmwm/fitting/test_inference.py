@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
+from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting import standard_errors as inference
 from gmwm_jax.fitting.result import Status
 from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
-from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import LogQuantities
 from gmwm_jax.processes.continuous import CONTINUOUS
 
@@ -42,7 +42,7 @@ def two_step_replicates(replicates):
         part = [f.wv for f in replicates[start : start + CHUNK]]
         columns = (np.column_stack([getattr(w, k) for w in part]) for k in ("variance", "ci_low", "ci_high"))
         names = tuple(str(i) for i in range(CHUNK))
-        wv = gj.WaveletVariance(part[0].scales, *columns, NUM_SAMPLES, 0.95, 10.0, names, ("1",) * CHUNK)
+        wv = gj.variance.WaveletVariance(part[0].scales, *columns, NUM_SAMPLES, 0.95, 10.0, names, ("1",) * CHUNK)
         fits += list(gj.fit(wv, "WN + GM", omega="two-step").values())
     return fits
 
@@ -94,7 +94,7 @@ def test_intervals_cover(replicates):
 
 def test_no_fit_is_above_the_truth(replicates):
     """The minimum lies below the objective at the true parameters: no fit is stuck in a wrong basin."""
-    assert all(f.objective <= gj.objective(f.wv, TRUTH) for f in replicates)
+    assert all(f.objective <= gj.fitting.objective(f.wv, TRUTH) for f in replicates)
 
 
 def test_at_the_limit_the_intervals_of_what_is_left_cover():
@@ -134,7 +134,7 @@ def test_covariance_is_the_sandwich():
     )
     B = np.linalg.solve(A.T @ fit.omega @ A, A.T @ fit.omega)
     np.testing.assert_allclose(fit.covariance, B @ fit.wv_covariance @ B.T, rtol=1e-6)
-    np.testing.assert_allclose(fit.wv_covariance, gj.wv_covariance(fit.model, 2**14), rtol=1e-12)
+    np.testing.assert_allclose(fit.wv_covariance, gj.variance.wv_covariance(fit.model, 2**14), rtol=1e-12)
 
 
 def test_intervals_follow_the_log_scale():
@@ -198,10 +198,10 @@ def test_components_that_cannot_be_told_apart_have_no_interval():
             assert np.isnan([e.ci_low, e.ci_high]).all()
     model = gj.WN(0.5) + gj.GM(0.01, 0.05) + gj.GM(0.01, 0.05)
     whitener = np.diag(1 / (wv.ci_high - wv.ci_low))
-    covariance = parameter_covariance(model, (0, 2, 4), wv.scales, whitener, gj.wv_covariance(model, 2**14))
+    covariance = parameter_covariance(model, (0, 2, 4), wv.scales, whitener, gj.variance.wv_covariance(model, 2**14))
     assert np.isnan(np.diag(np.asarray(covariance))).tolist() == [False, True, True]
     single = gj.WN(0.5) + gj.GM(0.01, 0.1)
-    expected = parameter_covariance(single, (0, 2), wv.scales, whitener, gj.wv_covariance(single, 2**14))
+    expected = parameter_covariance(single, (0, 2), wv.scales, whitener, gj.variance.wv_covariance(single, 2**14))
     assert float(covariance[0, 0]) == pytest.approx(float(expected[0, 0]), rel=1e-6, abs=0)
     errors = delta_method(ONE_AND_TWO, model, (0, 2, 4), covariance)
     assert np.isnan(np.asarray(errors)).tolist() == [False, True]
@@ -225,7 +225,7 @@ def test_an_interval_of_13_decades_is_none():
     """An exact table of WN + RW and a model with two Gauss-Markov processes too many: no warning, no 0 .. inf."""
     tau = 2.0 ** np.arange(1, 17)
     nu = np.asarray(gj.parse_model("WN(sigma2=1) + RW(gamma2=1e-6)").wavelet_variance(tau))
-    wv = gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=2**18, rate=1.0)
+    wv = gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=2**18, rate=1.0)
     fit = gj.fit(wv, "WN + RW + 2*GM")
     for e in (*fit.parameters(), *fit.continuous(), *fit.datasheet()):
         assert np.isnan(e.ci_low) or 0 < e.ci_low < e.ci_high < np.inf
@@ -233,7 +233,7 @@ def test_an_interval_of_13_decades_is_none():
 
 def test_without_the_length_of_the_record_there_are_no_intervals():
     tau = 2.0 ** np.arange(1, 9)
-    wv = gj.WaveletVariance.from_table(tau, 1 / tau, 0.9 / tau, 1.2 / tau, rate=1.0)
+    wv = gj.variance.WaveletVariance.from_table(tau, 1 / tau, 0.9 / tau, 1.2 / tau, rate=1.0)
     fit = gj.fit(wv, "WN")
     assert fit.covariance is None
     assert np.isnan(fit.parameters()["WN", "sigma2"].ci_low)

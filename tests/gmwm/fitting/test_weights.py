@@ -24,7 +24,7 @@ def records():
 def test_they_are_the_inverse_covariance_under_the_two_step_fit(records):
     wv = records[0]
     first, fit = (gj.fit(wv, "WN + GM", omega=omega) for omega in ("two-step", "covariance"))
-    V = np.asarray(gj.wv_covariance(first.model, NUM_SAMPLES, wv.num_scales))
+    V = np.asarray(gj.variance.wv_covariance(first.model, NUM_SAMPLES, wv.num_scales))
     np.testing.assert_allclose(fit.omega @ V, np.eye(wv.num_scales), atol=1e-8)
     assert fit.weights == "covariance"
     assert fit.objective == pytest.approx(fit.residuals @ fit.omega @ fit.residuals, rel=1e-8)
@@ -67,13 +67,13 @@ def test_the_gain_is_the_one_stated(records):
 
 def test_what_has_no_covariance_is_refused(records):
     wv = records[0]
-    short = gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
+    short = gj.variance.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
     for omega in ("covariance", "iterated"):
         with pytest.raises(ValueError, match=f'Weights "{omega}" need the covariance'):
             gj.fit(short, "WN", omega=omega)
     drift = gj.DR(1e-3)
     tau = wv.scales
     nu = np.asarray(drift.wavelet_variance(tau))
-    only = gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=NUM_SAMPLES)
+    only = gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=NUM_SAMPLES)
     with pytest.raises(ValueError, match="singular"):
         gj.fit(only, "DR", omega="covariance")

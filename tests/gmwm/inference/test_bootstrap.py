@@ -21,7 +21,9 @@ def as_channels(wv, variances):
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     names = tuple(str(i) for i in range(len(variances)))
     columns = (variances.T, (variances * low).T, (variances * high).T)
-    return gj.WaveletVariance(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances))
+    return gj.variance.WaveletVariance(
+        wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -201,6 +203,6 @@ def test_bad_input(fit, boot, wv):
         gj.bootstrap(fit, 0, key=jax.random.key(1))
     with pytest.raises(TypeError, match="key"):
         gj.bootstrap(fit, 10, key=3)
-    short = gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
+    short = gj.variance.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
     with pytest.raises(ValueError, match=r"^Replicates need the covariance"):
         gj.bootstrap(gj.fit(short, "WN"), 10, key=jax.random.key(1))

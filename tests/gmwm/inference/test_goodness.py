@@ -66,6 +66,6 @@ def test_a_model_that_is_held_has_all_degrees_of_freedom(records):
 
 def test_without_theory_there_is_no_test(records):
     wv = records[0]
-    bare = gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
+    bare = gj.variance.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
     with pytest.raises(ValueError, match="needs the number of samples"):
         gj.goodness_of_fit(gj.fit(bare, "WN"))

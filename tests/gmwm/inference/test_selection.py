@@ -33,7 +33,7 @@ def drawn(truth, num, seed):
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     columns = (nu.T, (nu * low).T, (nu * high).T)
     names = tuple(str(i) for i in range(num))
-    return gj.WaveletVariance(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
+    return gj.variance.WaveletVariance(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_a_candidate_is_a_fit(data, selection, model):
     assert ours.objective == pytest.approx(alone.objective, rel=1e-9)
     np.testing.assert_allclose(ours.fitted, alone.fitted, rtol=1e-6)
     assert ours.at_boundary == alone.at_boundary
-    assert ours.status is alone.status is gj.Status.converged
+    assert ours.status is alone.status is gj.fitting.Status.converged
 
 
 def test_nested_models_never_fit_better(selection):
@@ -196,7 +196,7 @@ def test_text_and_json(data, selection):
     out = json.loads(json.dumps(selection.to_dict(), allow_nan=False))
     assert out["recommended"] == selection.recommended.name
     assert len(out["candidates"]) == 15
-    several = gj.Selections((selection, selection))
+    several = gj.inference.Selections((selection, selection))
     assert list(several) == ["0", "0"]
     assert several["0"] is several[1] is selection
     assert "Model selections, of 15 models each" in repr(several)
@@ -232,7 +232,7 @@ def test_bad_input(data, selection):
         gj.select(wv, "WN + RW", num_replicates=5, key=jax.random.key(0))
     with pytest.raises(TypeError, match="key"):
         gj.select(wv, "WN + RW", num_replicates=50, key=3)
-    table = gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
+    table = gj.variance.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high)
     with pytest.raises(ValueError, match="Criteria need the covariance"):
         gj.select(table, "WN + RW")
     with pytest.raises(KeyError, match="no candidate"):

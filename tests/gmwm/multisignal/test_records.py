@@ -41,7 +41,7 @@ def joint(records):
 
 @pytest.fixture(scope="module")
 def resamples(joint):
-    return gj.resample_records(joint)
+    return gj.multisignal.resample_records(joint)
 
 
 def values(model):
@@ -77,7 +77,7 @@ def test_it_is_the_minimum_of_the_plain_sum(records, joint, omega):
     assert fit.objective == pytest.approx(best.fun, rel=1e-8)
     np.testing.assert_allclose(values(fit.model), np.exp(best.x), rtol=1e-4)
     assert fit.objective == pytest.approx(
-        sum(gj.objective(r.wv, fit.model, omega=r.omega) for r in fit.records), rel=1e-12
+        sum(gj.fitting.objective(r.wv, fit.model, omega=r.omega) for r in fit.records), rel=1e-12
     )
     assert sum(r.objective for r in fit.records) == pytest.approx(fit.objective, rel=1e-12)
 
@@ -92,7 +92,7 @@ def test_weights_are_those_of_each_record(records, joint):
         np.testing.assert_allclose(r.omega, np.diag(width**-2.0), rtol=1e-8)
     best = gj.fit_records(records, "WN + GM", omega="covariance")
     for r, wv in zip(best.records, records, strict=True):
-        V = np.asarray(gj.wv_covariance(joint.model, wv.num_samples, wv.num_scales))
+        V = np.asarray(gj.variance.wv_covariance(joint.model, wv.num_samples, wv.num_scales))
         np.testing.assert_allclose(r.omega @ V, np.eye(len(V)), atol=1e-6)
     np.testing.assert_allclose(best.weights_efficiency(), 1.0, rtol=1e-3)
     own = best.weights_efficiency([r.omega for r in joint.records])
@@ -108,7 +108,7 @@ def test_six_adis_units_as_r_fits_them(shared):
     wvs = [gj.wavelet_variance(gj.read_recording(file))["gyro_x"] for file in files]
     fit = gj.fit_records(wvs, gj.AR1(phi=gj.Fixed(0.190717)) + gj.WN() + gj.RW())
     assert fit.objective == pytest.approx(637.0969, abs=1e-4)
-    assert fit.objective == pytest.approx(sum(gj.objective(wv, fit.model) for wv in wvs), rel=1e-9)
+    assert fit.objective == pytest.approx(sum(gj.fitting.objective(wv, fit.model) for wv in wvs), rel=1e-9)
     assert fit.names[4] == "adis_16405_imu5"
     assert max(fit.records, key=lambda r: r.objective) is fit.records[4]  # another bandwidth
 
@@ -169,17 +169,20 @@ def test_tables_and_text(records, joint):
 
 
 def test_without_theory_there_are_no_intervals(records):
-    bare = [gj.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high, rate=100.0) for wv in records]
+    bare = [
+        gj.variance.WaveletVariance.from_table(wv.scales, wv.variance, wv.ci_low, wv.ci_high, rate=100.0)
+        for wv in records
+    ]
     fit = gj.fit_records(bare, "WN + GM")
     assert fit.covariance is None
     assert fit.weights_efficiency() is None
     assert "No intervals" in str(fit)
-    for call in (gj.compare_records, lambda j: gj.near_stationarity(j, key=jax.random.key(1))):
+    for call in (gj.multisignal.compare_records, lambda j: gj.multisignal.near_stationarity(j, key=jax.random.key(1))):
         with pytest.raises(ValueError, match=r"record 1\) need the covariance of the wavelet variance: the number of"):
             call(fit)
     with pytest.raises(ValueError, match='Weights "covariance" need the covariance'):
         gj.fit_records(bare, "WN + GM", omega="covariance")
-    assert np.isfinite(gj.resample_records(fit).interval()[0]).all()  # resampling needs no theory
+    assert np.isfinite(gj.multisignal.resample_records(fit).interval()[0]).all()  # resampling needs no theory
 
 
 def test_several_channels(records):
@@ -187,7 +190,7 @@ def test_several_channels(records):
     units = ["rad/s", "m/s^2"]
     both = [gj.Recording.from_array(a, rate=50.0, units=units, channels=["gyro_x", "accel_x"]) for a in x]
     fits = gj.fit_records(both, "RW")
-    assert isinstance(fits, gj.JointFits)
+    assert isinstance(fits, gj.multisignal.JointFits)
     assert list(fits) == ["gyro_x", "accel_x"]
     alone = gj.fit_records([gj.wavelet_variance(r)["accel_x"] for r in both], "RW")
     assert fits["accel_x"].objective == pytest.approx(alone.objective, rel=1e-9)
@@ -212,7 +215,7 @@ def test_new_numbers_compile_nothing(records, resamples):
     """The caches of both compiled searches stay as they are."""
     before = fitting._compiled_quickly._cache_size(), refit._minimise_all._cache_size()
     fit = gj.fit_records([replace(wv, variance=1.1 * wv.variance) for wv in records], "WN + GM", omega="two-step")
-    gj.resample_records(fit)
+    gj.multisignal.resample_records(fit)
     assert (fitting._compiled_quickly._cache_size(), refit._minimise_all._cache_size()) == before
 
 
@@ -233,7 +236,7 @@ def test_sets_are_all_there_and_estimated_as_such(records, joint, resamples):
         chosen = [wv for wv, n in zip(records, rows[b], strict=True) for _ in range(n)]
         if max(wv.num_scales for wv in chosen) == 13 and len(chosen) > 1:
             fit = gj.fit_records(chosen, "WN + GM")
-            np.testing.assert_allclose(gj.resample_records(first).values[b], values(fit.model), rtol=1e-4)
+            np.testing.assert_allclose(gj.multisignal.resample_records(first).values[b], values(fit.model), rtol=1e-4)
 
 
 def test_intervals_by_hand(resamples):
@@ -257,12 +260,14 @@ def test_intervals_by_hand(resamples):
 
 
 def test_random_sets_resemble_all(joint, resamples):
-    drawn = gj.resample_records(joint, 30, key=jax.random.key(3))
+    drawn = gj.multisignal.resample_records(joint, 30, key=jax.random.key(3))
     assert not drawn.exact
     assert drawn.counts.sum(axis=1).tolist() == [4.0] * 30
-    many = gj.resample_records(gj.fit_records([r.wv for r in joint.records] * 2, "WN + GM"), 400, key=jax.random.key(3))
+    many = gj.multisignal.resample_records(
+        gj.fit_records([r.wv for r in joint.records] * 2, "WN + GM"), 400, key=jax.random.key(3)
+    )
     # records twice: the variance of a mean of eight instead of four
-    exact = np.log(gj.resample_records(gj.fit_records([r.wv for r in joint.records], "WN + GM")).values)
+    exact = np.log(gj.multisignal.resample_records(gj.fit_records([r.wv for r in joint.records], "WN + GM")).values)
     expected = np.sqrt(resamples.probability @ (exact - resamples.probability @ exact) ** 2 / 2)
     seen = np.log(many.values).std(axis=0)
     np.testing.assert_allclose(np.log(seen / expected), 0, atol=0.4)
@@ -284,7 +289,7 @@ def test_t_intervals_cover_where_records_differ(records):
     Theory, which takes all records for the same, has intervals a fraction as wide.
     """
     num, spread, length = 100, 0.3, records[0]
-    covariance = np.asarray(gj.wv_covariance(gj.WN(1.0), 20_000, 13))
+    covariance = np.asarray(gj.variance.wv_covariance(gj.WN(1.0), 20_000, 13))
     rng = np.random.default_rng(7)
     nu = variance_draws(1 / length.scales, covariance)(jax.random.split(jax.random.key(6), 4 * num))
     nu = nu * np.exp(spread * rng.normal(size=(4 * num, 1)))
@@ -293,7 +298,7 @@ def test_t_intervals_cover_where_records_differ(records):
     for b in range(num):
         wvs = [replace(length, variance=v, ci_low=v * low, ci_high=v * high) for v in nu[4 * b : 4 * b + 4]]
         fit = gj.fit_records(wvs, "WN")
-        ends = gj.resample_records(fit).interval()
+        ends = gj.multisignal.resample_records(fit).interval()
         # default weights 1/nu^2 make it a harmonic mean, sum(1/nu)/sum(1/nu^2) of log-normal variables
         truth = np.exp(-1.5 * spread**2)
         inside += ends[0][0] < truth < ends[1][0]
@@ -342,20 +347,20 @@ def test_other_bad_input(records, joint, resamples):
     with pytest.raises(TypeError, match=r"resample_records\(\) takes the result of fit_records\(\), not Fit"):
         one_channel(joint.records[0], "resample_records")
     with pytest.raises(ValueError, match=r"4 records have 35 sets: give key=\.\.\. to draw 20, or raise the limit"):
-        gj.resample_records(joint, 20)
+        gj.multisignal.resample_records(joint, 20)
     with pytest.raises(ValueError, match="kind is one of t, percentile, and is 'basic'"):
         resamples.interval("basic")
     with pytest.raises(ValueError, match=r"4 records are too few for percentile intervals at 99\.9 %, which take 5"):
         resamples.interval("percentile", 0.999)
-    few = gj.resample_records(joint, 30, key=jax.random.key(3))
+    few = gj.multisignal.resample_records(joint, 30, key=jax.random.key(3))
     with pytest.raises(ValueError, match="30 random sets are too few for percentile intervals at 95 %"):
         few.interval("percentile")
 
 
 def test_a_search_that_stalls_is_told(records, monkeypatch):
-    stalled = lambda *a, **k: [replace(f, status=gj.Status.stalled) for f in fit_channels(*a, **k)]  # noqa: E731
+    stalled = lambda *a, **k: [replace(f, status=gj.fitting.Status.stalled) for f in fit_channels(*a, **k)]  # noqa: E731
     fit_channels = joint_fitting.fit_channels
     monkeypatch.setattr(joint_fitting, "fit_channels", stalled)
     with pytest.raises(RuntimeError, match="x: stopped at the step limit"):
         gj.fit_records(records, "WN + GM")
-    assert gj.fit_records(records, "WN + GM", throw=False).status is gj.Status.stalled
+    assert gj.fit_records(records, "WN + GM", throw=False).status is gj.fitting.Status.stalled

@@ -26,7 +26,7 @@ def with_variance(variance):
 
 def drawn(num_sets, seed, spread=0.0):
     """Sets of records by the theory of their wavelet variance; correlation times scatter by `spread` in the log."""
-    V = np.asarray(gj.wv_covariance(TRUTH, NUM_SAMPLES, LEVELS))
+    V = np.asarray(gj.variance.wv_covariance(TRUTH, NUM_SAMPLES, LEVELS))
     nu = np.asarray(TRUTH.wavelet_variance(BAND.scales))
     relative = variance_draws(nu, V)(jax.random.split(jax.random.key(seed), NUM_RECORDS * num_sets)) / nu
     rng = np.random.default_rng(seed)
@@ -54,7 +54,7 @@ def varied():
 
 @pytest.fixture(scope="module")
 def same_test(joint):
-    return gj.near_stationarity(joint, 300, key=jax.random.key(4))
+    return gj.multisignal.near_stationarity(joint, 300, key=jax.random.key(4))
 
 
 # -- record by record -------------------------------------------------------------------------------------------------
@@ -69,7 +69,7 @@ def test_single_fits_are_fits(joint, records):
 
 def test_cochran_by_hand(varied):
     """Each parameter and all together, with a loop; variance between records as DerSimonian & Laird write it."""
-    comparison = gj.compare_records(varied)
+    comparison = gj.multisignal.compare_records(varied)
     x = np.array([[np.log(float(v)) for p in f.model.processes for v in p.values] for f in varied.singles])
     psi = varied.records[0].covariance  # the same for records of a length
     np.testing.assert_allclose(comparison.estimates, x, rtol=1e-9)
@@ -91,7 +91,7 @@ def test_cochran_by_hand(varied):
 
 
 def test_who_varies_is_found(joint, varied):
-    same, other = gj.compare_records(joint), gj.compare_records(varied)
+    same, other = gj.multisignal.compare_records(joint), gj.multisignal.compare_records(varied)
     assert same.p_value > 1e-3
     assert other.p_value < 1e-6
     assert other["GM", "beta"].p_value < 1e-6
@@ -108,7 +108,7 @@ def test_records_without_an_estimate_are_left_out(joint):
     none = with_variance(1.0 / BAND.scales)
     fit = gj.fit_records([*(r.wv for r in joint.records[:3]), none], "WN + GM", omega="two-step")
     assert "GM" in fit.singles[3].at_boundary
-    comparison = gj.compare_records(fit)
+    comparison = gj.multisignal.compare_records(fit)
     assert comparison["GM", "variance"].num_left_out == 1
     assert comparison["GM", "variance"].dof == 2
     assert comparison["WN", "sigma2"].num_left_out == 0
@@ -119,14 +119,17 @@ def test_records_without_an_estimate_are_left_out(joint):
 def test_what_is_zero_for_all_is_zero_for_each():
     """A record that took white noise on would have a faster and smaller share of the process left, not another one."""
     truth = gj.parse_model("GM(beta=2.0, variance=1.0)")
-    nu, V = np.asarray(truth.wavelet_variance(BAND.scales)), np.asarray(gj.wv_covariance(truth, NUM_SAMPLES, LEVELS))
+    nu, V = (
+        np.asarray(truth.wavelet_variance(BAND.scales)),
+        np.asarray(gj.variance.wv_covariance(truth, NUM_SAMPLES, LEVELS)),
+    )
     wvs = [with_variance(row) for row in variance_draws(nu, V)(jax.random.split(jax.random.key(3), NUM_RECORDS))]
     fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
     assert fit.at_boundary == {"WN": "at boundary: zero"}
     free = [gj.fit(wv, "WN + GM", omega=r.omega).model for wv, r in zip(wvs, fit.records, strict=True)]
     assert max(float(model.processes[0].sigma2) for model in free) > 0.05
     assert all(float(single.model.processes[0].sigma2) == 0 for single in fit.singles)
-    comparison = gj.compare_records(fit)
+    comparison = gj.multisignal.compare_records(fit)
     assert comparison.dof == 6
     assert comparison.p_value > 1e-3
 
@@ -143,16 +146,18 @@ def test_size_and_power():
     num, Q, p, p_all = 20, [], [], []
     for b, wvs in enumerate(drawn(num, 3)):
         fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
-        comparison = gj.compare_records(fit)
+        comparison = gj.multisignal.compare_records(fit)
         Q.append([s.statistic for s in comparison.spreads])
         p_all.append(comparison.p_value)
-        p.append(gj.near_stationarity(fit, 63, key=jax.random.fold_in(jax.random.key(5), b)).p_value)
+        p.append(gj.multisignal.near_stationarity(fit, 63, key=jax.random.fold_in(jax.random.key(5), b)).p_value)
     np.testing.assert_allclose(np.mean(Q, axis=0), 3, atol=SIGMAS * np.sqrt(6 / num))
     for values in (p, p_all):
         assert abs(np.mean(values) - 0.5) < SIGMAS / np.sqrt(12 * num)
         assert np.mean(np.array(values) < 0.05) < 0.05 + SIGMAS * np.sqrt(0.05 * 0.95 / num)
     found = [
-        gj.near_stationarity(gj.fit_records(wvs, "WN + GM", omega="two-step"), 63, key=jax.random.key(b)).p_value
+        gj.multisignal.near_stationarity(
+            gj.fit_records(wvs, "WN + GM", omega="two-step"), 63, key=jax.random.key(b)
+        ).p_value
         for b, wvs in enumerate(drawn(5, 6, spread=0.7))
     ]
     assert np.sum(np.array(found) < 0.05) >= 4
@@ -192,14 +197,14 @@ def test_a_replicate_is_a_joint_fit(records, omega):
 
 def test_both_routes_agree(joint, same_test):
     """The distribution of the objective (Kolmogorov & Smirnov, p > 1e-5)."""
-    slow = gj.near_stationarity(joint, 60, key=jax.random.key(8), route="records")
+    slow = gj.multisignal.near_stationarity(joint, 60, key=jax.random.key(8), route="records")
     assert slow.num_failed == 0
     assert stats.ks_2samp(slow.objective, same_test.objective).pvalue > 1e-5
     assert slow.objective.std() > 0.3 * slow.objective.mean() / np.sqrt(20)
 
 
 def test_replicates_depend_on_their_key_alone(joint, same_test):
-    few = gj.near_stationarity(joint, 70, key=jax.random.key(4))
+    few = gj.multisignal.near_stationarity(joint, 70, key=jax.random.key(4))
     np.testing.assert_allclose(few.objective, same_test.objective[:70], rtol=1e-6)
 
 
@@ -214,10 +219,10 @@ def test_an_interrupt_returns_what_is_done(joint, monkeypatch):
 
     objectives = module._objectives
     monkeypatch.setattr(module, "_objectives", interrupted)
-    test = gj.near_stationarity(joint, 200, key=jax.random.key(1), progress=True)
+    test = gj.multisignal.near_stationarity(joint, 200, key=jax.random.key(1), progress=True)
     assert "64 replicates of 200 asked for" in str(test)
     with pytest.raises(KeyboardInterrupt):
-        gj.near_stationarity(joint, 200, key=jax.random.key(1))
+        gj.multisignal.near_stationarity(joint, 200, key=jax.random.key(1))
 
 
 # -- cross-validation -------------------------------------------------------------------------------------------------
@@ -227,7 +232,7 @@ MODELS = ("WN", "WN + GM")
 
 @pytest.fixture(scope="module")
 def cv(records):
-    return gj.cross_validate(records, MODELS)
+    return gj.multisignal.cross_validate(records, MODELS)
 
 
 def test_cross_validation_by_hand(records, cv):
@@ -241,7 +246,7 @@ def test_cross_validation_by_hand(records, cv):
         for b, pair in enumerate(pairs):
             fit = gj.fit_records([records[i] for i in pair], model)
             for i in set(range(4)) - set(pair):
-                own[b, i] = gj.objective(records[i], fit.model)
+                own[b, i] = gj.fitting.objective(records[i], fit.model)
         assert cv[model].score == pytest.approx(np.nansum(own, axis=1).mean(), rel=1e-6)
         e[model] = np.nanmean(own, axis=0)
         assert cv[model].error == pytest.approx(2 * e[model].std(ddof=1) / 2, rel=1e-5)
@@ -266,7 +271,7 @@ def test_the_truth_is_recommended(cv):
 
 
 def test_random_splits_leave_all_out_equally_often(records):
-    cv = gj.cross_validate([*records, *records], ["WN"], max_splits=30, key=jax.random.key(1))
+    cv = gj.multisignal.cross_validate([*records, *records], ["WN"], max_splits=30, key=jax.random.key(1))
     assert not cv.exact
     assert cv.splits.shape == (24, 8)
     assert set(cv.splits.sum(axis=1)) == {4}
@@ -276,16 +281,16 @@ def test_random_splits_leave_all_out_equally_often(records):
 
 def test_a_model_with_values_keeps_them(records):
     held = gj.WN(gj.Fixed(2.0))
-    cv = gj.cross_validate(records, ["WN", held], num_estimation=3)
+    cv = gj.multisignal.cross_validate(records, ["WN", held], num_estimation=3)
     assert cv.recommended.model == "WN"
     text = next(name for name in cv if name != "WN")
     assert cv[text].num_parameters == 0
-    assert cv[text].score == pytest.approx(np.mean([gj.objective(wv, gj.WN(2.0)) for wv in records]), rel=1e-9)
+    assert cv[text].score == pytest.approx(np.mean([gj.fitting.objective(wv, gj.WN(2.0)) for wv in records]), rel=1e-9)
 
 
 def test_channels_apart(records):
     two = [
-        gj.WaveletVariance(
+        gj.variance.WaveletVariance(
             wv.scales,
             *(np.column_stack([a, 2 * a]) for a in (wv.variance, wv.ci_low, wv.ci_high)),
             wv.num_samples,
@@ -294,7 +299,7 @@ def test_channels_apart(records):
         )
         for wv in records
     ]
-    found = gj.cross_validate(two, ["WN"])
+    found = gj.multisignal.cross_validate(two, ["WN"])
     assert list(found) == ["a", "b"]
     # the objective has no unit
     assert found["a"]["WN"].score == pytest.approx(found["b"]["WN"].score, rel=1e-9)
@@ -302,28 +307,28 @@ def test_channels_apart(records):
 
 def test_bad_input(records, joint):
     with pytest.raises(ValueError, match=r"takes three records or more: of two, one alone would judge the other"):
-        gj.cross_validate(records[:2], ["WN"])
+        gj.multisignal.cross_validate(records[:2], ["WN"])
     with pytest.raises(ValueError, match="models is a list of models to compare, and not empty"):
-        gj.cross_validate(records, "WN")
+        gj.multisignal.cross_validate(records, "WN")
     with pytest.raises(ValueError, match=r"A model is there twice: WN, WN"):
-        gj.cross_validate(records, ["WN", gj.WN()])
+        gj.multisignal.cross_validate(records, ["WN", gj.WN()])
     with pytest.raises(ValueError, match=r"num_estimation=4 leaves none of 4 records"):
-        gj.cross_validate(records, ["WN"], num_estimation=4)
+        gj.multisignal.cross_validate(records, ["WN"], num_estimation=4)
     with pytest.raises(ValueError, match=r"WN \+ 7\*GM has 15 free parameters and the shortest record 13 scales"):
-        gj.cross_validate(records, ["WN + 7*GM"])
+        gj.multisignal.cross_validate(records, ["WN + 7*GM"])
     with pytest.raises(ValueError, match=r"8 records have 70 splits: give key=... to choose about 20"):
-        gj.cross_validate([*records, *records], ["WN"], max_splits=20)
+        gj.multisignal.cross_validate([*records, *records], ["WN"], max_splits=20)
     with pytest.raises(ValueError, match='route is "variances" or "records", and is \'fast\''):
-        gj.near_stationarity(joint, 10, key=jax.random.key(1), route="fast")
+        gj.multisignal.near_stationarity(joint, 10, key=jax.random.key(1), route="fast")
     with pytest.raises(TypeError, match="key"):
-        gj.near_stationarity(joint, 10, key=3)
+        gj.multisignal.near_stationarity(joint, 10, key=3)
     robust = gj.fit_records([replace(wv, efficiency=0.6) for wv in records], "WN")
     with pytest.raises(ValueError, match='robust wavelet variance is replicated by route="variances"'):
-        gj.near_stationarity(robust, 10, key=jax.random.key(1), route="records")
+        gj.multisignal.near_stationarity(robust, 10, key=jax.random.key(1), route="records")
     held = gj.fit_records(records, gj.WN(gj.Fixed(1.0)))
     with pytest.raises(ValueError, match="is free and inside its range: there is nothing to compare"):
-        gj.compare_records(held)
+        gj.multisignal.compare_records(held)
     short = {k: getattr(records[0], k)[:2] for k in ("scales", "variance", "ci_low", "ci_high")}
     some = gj.fit_records([replace(records[0], **short), *records[1:]], "WN + GM")
     with pytest.raises(ValueError, match="3 free parameters and the wavelet variance 2 scales"):
-        gj.compare_records(some)
+        gj.multisignal.compare_records(some)

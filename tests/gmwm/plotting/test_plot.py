@@ -166,7 +166,7 @@ def test_allan_deviation(wv):
 
 def test_allan_deviation_with_slopes(wv):
     adev = gmwm_jax.allan_deviation(wv["gyro_x"])
-    regression = gmwm_jax.slope_regression(adev, {"WN": (0.1, 1.0), "RW": (2.0, 10.0)})
+    regression = gmwm_jax.fitting.slope_regression(adev, {"WN": (0.1, 1.0), "RW": (2.0, 10.0)})
     (ax,) = plot_allan_deviation(adev, regression=regression).axes
     assert legend(ax) == ["overlapping Allan deviation", "WN", "RW", "sum"]
     N, K = (regression.table[kind, symbol].value for kind, symbol in (("WN", "N"), ("RW", "K")))
@@ -213,7 +213,7 @@ def test_fit(fits):
 def test_fit_says_which_components_are_zero():
     tau = 2.0 ** np.arange(1, 9)
     nu = tau**-1.1  # less than white noise at long scales: nothing is left for a drift
-    fit = gmwm_jax.fit(gmwm_jax.WaveletVariance.from_table(tau, nu, nu / 2, nu * 2), "WN + DR")
+    fit = gmwm_jax.fit(gmwm_jax.variance.WaveletVariance.from_table(tau, nu, nu / 2, nu * 2), "WN + DR")
     assert fit.at_boundary == {"DR": "at boundary: zero"}
     assert "DR: zero" in legend(plot_fit(fit).axes[0])
 
@@ -236,7 +236,7 @@ def test_fits_have_a_panel_a_channel_and_one_legend(fits):
 def test_an_interval_that_starts_at_zero_has_no_place_on_a_logarithmic_axis():
     tau = 2.0 ** np.arange(1, 9)
     nu = 1 / tau
-    wv = gmwm_jax.WaveletVariance.from_table(tau, nu, np.where(tau < 100, nu / 2, 0), 2 * nu, rate=10.0)
+    wv = gmwm_jax.variance.WaveletVariance.from_table(tau, nu, np.where(tau < 100, nu / 2, 0), 2 * nu, rate=10.0)
     fit = gmwm_jax.fit(wv, "WN")
     for figure in (plot_wavelet_variance(wv), plot_fit(fit)):
         assert figure.axes[0].get_ylim()[0] > 0

@@ -212,7 +212,7 @@ def test_the_global_minimum_is_found(model):
     wv = gj.wavelet_variance(x)
     fit = gj.fit(wv, model)
     assert fit.objective <= lowest_by_scipy(wv, model) * (1 + 1e-9)
-    assert fit.objective == pytest.approx(gj.objective(wv, fit.model), rel=1e-9, abs=0)
+    assert fit.objective == pytest.approx(gj.fitting.objective(wv, fit.model), rel=1e-9, abs=0)
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def own_theory():
     some = gj.wavelet_variance(x)
     nu = np.asarray(gj.parse_model(TRUTHS["AR(2)"]).wavelet_variance(some.scales))
     low, high = some.ci_low / some.variance * nu, some.ci_high / some.variance * nu
-    return gj.fit(gj.WaveletVariance.from_table(some.scales, nu, low, high, num_samples=NUM), "AR(2)")
+    return gj.fit(gj.variance.WaveletVariance.from_table(some.scales, nu, low, high, num_samples=NUM), "AR(2)")
 
 
 def test_parameters_are_recovered_and_have_intervals(own_theory):
@@ -263,7 +263,7 @@ def test_a_unit_root_is_named():
     """A random walk fitted by an AR(2)."""
     tau = 2.0 ** np.arange(1, 13)
     nu = np.asarray(gj.RW(1e-6).wavelet_variance(tau))
-    fit = gj.fit(gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=NUM), "AR(2)")
+    fit = gj.fit(gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, num_samples=NUM), "AR(2)")
     assert fit.at_boundary == {"AR(2)": "at boundary: unit root"}
     assert float(fit.model.processes[0].sigma2) == pytest.approx(1e-6, rel=1e-2)
     assert sum(map(float, fit.model.processes[0].shape)) == pytest.approx(1, abs=1e-4)

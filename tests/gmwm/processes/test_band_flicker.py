@@ -74,7 +74,9 @@ def test_a_fit_recovers_corner_and_level():
     tau = 2.0 ** np.arange(1, 17)
     truth = gj.WN(1e-3) + gj.FLK(0.01, 0.2) + gj.RW(1e-9)
     nu = np.asarray(truth.wavelet_variance(tau))
-    fit = gj.fit(gj.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, rate=100.0, unit="rad/s"), "WN + FLK + RW")
+    fit = gj.fit(
+        gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu, rate=100.0, unit="rad/s"), "WN + FLK + RW"
+    )
     got = {type(p).kind: [float(v) for v in p.values] for p in fit.model.processes}
     assert got["FLK"] == pytest.approx([0.01, 0.2], rel=1e-4)
     assert fit.continuous()["FLK", "f0"].value == pytest.approx(1.0, rel=1e-4)
@@ -83,5 +85,5 @@ def test_a_fit_recovers_corner_and_level():
 
 def test_a_ladder_up_to_the_corner_approximates_it():
     f = np.geomspace(1e-4, 1e-3, 20)
-    ladder = gj.flicker_ladder(1e-5, 1e-4, 1e-2, 5)  # inside of the band
+    ladder = gj.processes.flicker_ladder(1e-5, 1e-4, 1e-2, 5)  # inside of the band
     np.testing.assert_allclose(ladder.psd(f), gj.FLK(0.01, 1e-5).psd(f), rtol=0.01)

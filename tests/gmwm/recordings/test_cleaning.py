@@ -32,7 +32,7 @@ def contaminated(x, length, seed=0, size=10.0):
 
 
 def masked(x, **options):
-    return np.isnan(gj.mask_outliers(recording(x), **options).recording.data[:, 0])
+    return np.isnan(gj.recordings.mask_outliers(recording(x), **options).recording.data[:, 0])
 
 
 NOISES = {
@@ -64,7 +64,7 @@ def test_bursts_are_found_as_a_whole(length):
     seen = masked(y)
     assert np.mean(seen[outlying]) > 0.995
     assert np.mean(seen[~outlying]) < 1e-4
-    runs = gj.mask_outliers(recording(y)).runs["channel_0"]
+    runs = gj.recordings.mask_outliers(recording(y)).runs["channel_0"]
     assert np.median([run.last - run.first + 1 for run in runs]) == length
 
 
@@ -84,7 +84,7 @@ def test_channels_are_judged_alone_and_gaps_stay():
     x[1000:1003, 1] -= 20
     x[2000, 2] = np.nan
     before = x.copy()
-    seen = gj.mask_outliers(recording(x, channels=["a", "b", "c"], gaps=True, name="bench"))
+    seen = gj.recordings.mask_outliers(recording(x, channels=["a", "b", "c"], gaps=True, name="bench"))
     assert seen.counts == {"a": 0, "b": 4, "c": 0}
     assert seen.shares["b"] == 4 / 3000
     assert [(run.first, run.last) for run in seen.runs["b"]] == [(500, 500), (1000, 1002)]
@@ -112,15 +112,15 @@ def test_ends_and_short_records():
 
 def test_bad_input():
     with pytest.raises(TypeError, match=r"takes a Recording, not ndarray: Recording\.from_array makes one"):
-        gj.mask_outliers(white(100))
+        gj.recordings.mask_outliers(white(100))
     with pytest.raises(ValueError, match=r"chance lies between 0 and 1, and is 1.5"):
-        gj.mask_outliers(recording(white(100)), chance=1.5)
+        gj.recordings.mask_outliers(recording(white(100)), chance=1.5)
     with pytest.raises(ValueError, match=r"max_share lies between 0 and 1/4, and is 0.6"):
-        gj.mask_outliers(recording(white(100)), max_share=0.6)
+        gj.recordings.mask_outliers(recording(white(100)), max_share=0.6)
     loud = white(10_000)
     loud[:2000] *= 100
     with pytest.raises(ValueError, match=r"% of the samples of 'channel_0' stand out, and max_share allows 10 %"):
-        gj.mask_outliers(recording(loud))
+        gj.recordings.mask_outliers(recording(loud))
 
 
 # -- the purpose -----------------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ def test_parameters_of_a_cleaned_record_lie_within_the_clean_intervals(text, see
     clean = gj.fit(gj.wavelet_variance(x), model).parameters()
     for length in (1, 5):
         y, _ = contaminated(x, length, seed)
-        cleaned = gj.fit(gj.mask_outliers(recording(y)).recording, model).model
+        cleaned = gj.fit(gj.recordings.mask_outliers(recording(y)).recording, model).model
         classic = gj.fit(gj.wavelet_variance(y), model).model
         values = [[float(v) for p in m.processes for v in p.values] for m in (cleaned, classic)]
         inside, outside = ([e.ci_low < v < e.ci_high for e, v in zip(clean, vs, strict=True)] for vs in values)
@@ -146,8 +146,8 @@ def test_parameters_of_a_cleaned_record_lie_within_the_clean_intervals(text, see
 
 def test_the_figure_with_a_third_curve():
     y, _ = contaminated(white(5000), 1)
-    cleaned = gj.wavelet_variance(gj.mask_outliers(recording(y)).recording)
-    figure = gj.compare_robust(recording(y)).plot(cleaned=cleaned)
+    cleaned = gj.wavelet_variance(gj.recordings.mask_outliers(recording(y)).recording)
+    figure = gj.variance.compare_robust(recording(y)).plot(cleaned=cleaned)
     (line,) = [one for one in figure.axes[0].lines if one.get_label() == f"cleaned: {cleaned.missing}"]
     np.testing.assert_array_equal(line.get_ydata(), cleaned.variance)
     figure.canvas.draw()
@@ -163,7 +163,7 @@ def test_the_contaminated_record(shared):
     classic one, with the same Gauss-Markov process.
     """
     rec = gj.read_recording(shared / "data" / "cont.imu1.rda")
-    seen = gj.mask_outliers(rec)
+    seen = gj.recordings.mask_outliers(rec)
     assert 400 < seen.counts["gyro_x"] < 500
     assert np.median([run.last - run.first for run in seen.runs["gyro_x"]]) == 0
     fits = {

@@ -39,7 +39,11 @@ def seasonal_case(num=300, missing=0.15, seed=0):
     """Trend, seasonal and step over N samples at 2 Hz: regressors, matrix, and which samples are there."""
     rng = np.random.default_rng(seed)
     t = np.arange(num) / 2.0
-    regressors = {**gj.trend(t), **gj.seasonal(t, num / 8.0, 2), **gj.step(t, num / 6.0)}
+    regressors = {
+        **gj.regression.trend(t),
+        **gj.regression.seasonal(t, num / 8.0, 2),
+        **gj.regression.step(t, num / 6.0),
+    }
     X = np.column_stack([np.ones(num), *(c.values for c in regressors.values())])
     return regressors, X, rng.random(num) >= missing, rng
 
@@ -57,12 +61,12 @@ def test_whitening_and_least_squares_against_dense_matrices(model, missing):
     inverse = np.linalg.inv(S)
     poisoned = np.where(present, y, np.nan)
 
-    white = gj.whiten(model, X, present)
+    white = gj.processes.whiten(model, X, present)
     np.testing.assert_allclose(white.columns.T @ white.columns, A.T @ inverse @ A, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(white.log_determinant, np.linalg.slogdet(S)[1], rtol=1e-9)
     assert not np.any(np.asarray(white.columns)[~present])
 
-    gls = gj.generalised_least_squares(model, poisoned, X, present)
+    gls = gj.processes.generalised_least_squares(model, poisoned, X, present)
     C = np.linalg.inv(A.T @ inverse @ A)
     expected = C @ A.T @ inverse @ b
     np.testing.assert_allclose(gls.estimates, expected, rtol=1e-8, atol=1e-8)
@@ -71,7 +75,7 @@ def test_whitening_and_least_squares_against_dense_matrices(model, missing):
     likelihood = -0.5 * (len(b) * np.log(2 * np.pi) + np.linalg.slogdet(S)[1] + e @ inverse @ e)
     np.testing.assert_allclose(gls.log_likelihood, likelihood, rtol=1e-9)
 
-    np.testing.assert_allclose(gj.covariance_times(model, X), Sigma @ X, rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(gj.processes.covariance_times(model, X), Sigma @ X, rtol=1e-10, atol=1e-8)
 
 
 def test_the_likelihood_differentiates():
@@ -79,7 +83,7 @@ def test_the_likelihood_differentiates():
     y = rng.standard_normal(len(X))
 
     def log_likelihood(beta):
-        return gj.generalised_least_squares(gj.WN(1.0) + gj.GM(beta, 2.0), y, X, present).log_likelihood
+        return gj.processes.generalised_least_squares(gj.WN(1.0) + gj.GM(beta, 2.0), y, X, present).log_likelihood
 
     step = 1e-5
     central = (log_likelihood(0.1 + step) - log_likelihood(0.1 - step)) / (2 * step)
@@ -88,11 +92,11 @@ def test_the_likelihood_differentiates():
 
 def test_whitening_refuses_what_does_not_fit():
     with pytest.raises(ValueError, match=r"shape \(N, C\)"):
-        gj.whiten("WN(sigma2=1.0)", np.ones(5))
+        gj.processes.whiten("WN(sigma2=1.0)", np.ones(5))
     with pytest.raises(ValueError, match=r"present \(N,\)"):
-        gj.whiten("WN(sigma2=1.0)", np.ones((5, 1)), np.ones(4, dtype=bool))
+        gj.processes.whiten("WN(sigma2=1.0)", np.ones((5, 1)), np.ones(4, dtype=bool))
     with pytest.raises(ValueError, match="no value for sigma2"):
-        gj.whiten("WN", np.ones((5, 1)))
+        gj.processes.whiten("WN", np.ones((5, 1)))
 
 
 # -- wavelet variance of residuals -------------------------------------------------------------------------------------
@@ -183,7 +187,7 @@ def test_a_recording_knows_its_rate_and_unit_and_the_result_prints_itself(key):
     celsius = 20 + 5 * np.exp(-t)
     y = 9.8 + 1e-3 * celsius + 1e-3 * np.asarray(gj.simulate("WN(sigma2=1.0)", num, key=key))
     recording = gj.Recording.from_array(y, rate=100.0, units="m/s^2", channels="accel_z")
-    regressors = gj.polynomial(celsius, 2, name="temperature", unit="K")
+    regressors = gj.regression.polynomial(celsius, 2, name="temperature", unit="K")
     r = gj.regress(recording, regressors, "WN")
     same = gj.regress(y, regressors, "WN", rate=100.0, unit="m/s^2", name="accel_z")
     assert repr(r) == repr(same)
@@ -215,7 +219,7 @@ def test_a_recording_knows_its_rate_and_unit_and_the_result_prints_itself(key):
 def test_the_figure_shows_data_residuals_and_noise(num, key):
     y = np.array(gj.simulate("WN(sigma2=1.0)", num, key=key))
     y[10:300] = np.nan
-    r = gj.regress(y, gj.trend(np.arange(num)), "WN", rate=1.0, unit="rad/s", name="gyro_x")
+    r = gj.regress(y, gj.regression.trend(np.arange(num)), "WN", rate=1.0, unit="rad/s", name="gyro_x")
     figure = r.plot()
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert "gyro_x [rad/s]" in labels
@@ -228,9 +232,9 @@ def test_the_figure_shows_data_residuals_and_noise(num, key):
 def test_masks_of_every_kind_are_one():
     rng = np.random.default_rng(0)
     y, t, present = rng.standard_normal(400), np.arange(400.0), rng.random(400) > 0.1
-    by_nan = gj.regress(np.where(present, y, np.nan), gj.trend(t), "WN", rate=1.0)
-    by_argument = gj.regress(y, gj.trend(t), "WN", rate=1.0, present=present)
-    masked = gj.regress(np.ma.masked_array(y, ~present), gj.trend(t), "WN", rate=1.0)
+    by_nan = gj.regress(np.where(present, y, np.nan), gj.regression.trend(t), "WN", rate=1.0)
+    by_argument = gj.regress(y, gj.regression.trend(t), "WN", rate=1.0, present=present)
+    masked = gj.regress(np.ma.masked_array(y, ~present), gj.regression.trend(t), "WN", rate=1.0)
     assert repr(by_nan) == repr(by_argument) == repr(masked)
     assert f"{np.sum(~present)} missing" in repr(by_nan)
 
@@ -240,11 +244,11 @@ def test_masks_of_every_kind_are_one():
 
 def test_columns_have_names_and_units():
     t = np.arange(100) / 10.0
-    assert gj.trend(t)["trend"].unit == "s"
-    assert list(gj.seasonal(t, 4.0, 2)) == ["cos 4 s", "sin 4 s", "cos 2 s", "sin 2 s"]
-    np.testing.assert_allclose(gj.seasonal(t, 4.0)["sin 4 s"].values, np.sin(2 * np.pi * t / 4))
-    np.testing.assert_array_equal(gj.step(t, 5.0)["step 5 s"].values, t >= 5)
-    powers = gj.polynomial(t, 2, name="T", unit="K")
+    assert gj.regression.trend(t)["trend"].unit == "s"
+    assert list(gj.regression.seasonal(t, 4.0, 2)) == ["cos 4 s", "sin 4 s", "cos 2 s", "sin 2 s"]
+    np.testing.assert_allclose(gj.regression.seasonal(t, 4.0)["sin 4 s"].values, np.sin(2 * np.pi * t / 4))
+    np.testing.assert_array_equal(gj.regression.step(t, 5.0)["step 5 s"].values, t >= 5)
+    powers = gj.regression.polynomial(t, 2, name="T", unit="K")
     assert [c.unit for c in powers.values()] == ["K", "K^2"]
     np.testing.assert_allclose(powers["T^2"].values, (t - t.mean()) ** 2)
 
@@ -252,13 +256,13 @@ def test_columns_have_names_and_units():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda t: gj.seasonal(t, 0.0), "period must be positive"),
-        (lambda t: gj.seasonal(t, 10.0, 0), "harmonics must be an integer of 1"),
-        (lambda t: gj.step(t, 0.0), "from 0 s to 99 s"),
-        (lambda t: gj.step(t, 100.0), "outside of it"),
-        (lambda t: gj.polynomial(t, 0, name="T", unit="K"), "degree must be an integer of 1"),
-        (lambda t: gj.trend(t[:, None]), r"shape \(100, 1\)"),
-        (lambda t: gj.trend(["a", "b"]), "real numbers"),
+        (lambda t: gj.regression.seasonal(t, 0.0), "period must be positive"),
+        (lambda t: gj.regression.seasonal(t, 10.0, 0), "harmonics must be an integer of 1"),
+        (lambda t: gj.regression.step(t, 0.0), "from 0 s to 99 s"),
+        (lambda t: gj.regression.step(t, 100.0), "outside of it"),
+        (lambda t: gj.regression.polynomial(t, 0, name="T", unit="K"), "degree must be an integer of 1"),
+        (lambda t: gj.regression.trend(t[:, None]), r"shape \(100, 1\)"),
+        (lambda t: gj.regression.trend(["a", "b"]), "real numbers"),
     ],
 )
 def test_regressors_refuse(call, message):
@@ -298,7 +302,7 @@ Y = np.random.default_rng(5).standard_normal(100)
             {"regressors": {f"r{k}": np.cos(k * T) for k in range(1, 8)}, "present": T < 6},
             "6 samples for 8 coefficients",
         ),
-        ({"regressors": gj.step(T, 50.0), "present": T < 50}, "step 50 s' is zero"),
+        ({"regressors": gj.regression.step(T, 50.0), "present": T < 50}, "step 50 s' is zero"),
         ({"model": "WN + DR"}, "put trend"),
         ({"model": "WN + RW + 3*GM"}, "free parameters"),
         ({"unit": "deg/s"}, "deg/s"),
@@ -306,14 +310,16 @@ Y = np.random.default_rng(5).standard_normal(100)
     ],
 )
 def test_bad_input_is_named(changes, message):
-    arguments = {"y": Y, "regressors": gj.trend(T), "model": "WN", "rate": 1.0, **changes}
+    arguments = {"y": Y, "regressors": gj.regression.trend(T), "model": "WN", "rate": 1.0, **changes}
     with pytest.raises(ValueError, match=message):
         gj.regress(arguments.pop("y"), arguments.pop("regressors"), arguments.pop("model"), **arguments)
 
 
 def test_a_regressor_may_be_unknown_where_the_record_is():
     temperature = np.where(T == 9, np.nan, T)
-    r = gj.regress(np.where(T == 9, np.nan, Y), {"temperature": gj.Regressor(temperature, "K")}, "WN", rate=1.0)
+    r = gj.regress(
+        np.where(T == 9, np.nan, Y), {"temperature": gj.regression.Regressor(temperature, "K")}, "WN", rate=1.0
+    )
     assert r.num_missing == 1
     assert np.isfinite(r["temperature"].value)
 
@@ -321,4 +327,4 @@ def test_a_regressor_may_be_unknown_where_the_record_is():
 def test_several_channels_are_refused():
     two = gj.Recording.from_array(np.column_stack([Y, Y]), rate=1.0, units="rad/s")
     with pytest.raises(ValueError, match="one channel at a time"):
-        gj.regress(two, gj.trend(T), "WN")
+        gj.regress(two, gj.regression.trend(T), "WN")

@@ -9,13 +9,12 @@ from helpers import assert_mean
 
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax.fitting.tables import continuous_table
-from gmwm_jax.processes.continuous import CONTINUOUS, derived_unit
+from gmwm_jax.processes.continuous import CONTINUOUS, derived_unit, from_continuous, to_continuous
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import UNITS, convert, signal_unit, unit
-from gmwm_jax.processes.continuous import from_continuous, to_continuous
 
 DEG = 0.017453292519943295
 

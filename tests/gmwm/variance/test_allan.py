@@ -13,7 +13,7 @@ def exact(model, rate, levels=20, num_samples=None):
     """The Allan deviation that a model has in theory, as if it had been measured."""
     tau = 2.0 ** np.arange(1, levels + 1)
     nu = np.asarray(gj.parse_model(model).wavelet_variance(tau))
-    table = gj.WaveletVariance.from_table(
+    table = gj.variance.WaveletVariance.from_table(
         tau, nu, 0.9 * nu, 1.1 * nu, rate=rate, num_samples=num_samples, unit="rad/s", name="gyro_x"
     )
     return gj.allan_deviation(table)
@@ -34,7 +34,7 @@ def test_coefficients_are_read_off_pure_processes():
     rate, N, K = 100.0, 2e-4, 3e-6
     white = f"WN(sigma2={N**2 * rate})"
     walk = f"RW(gamma2={K**2 / rate})"
-    table = gj.read_off(exact(f"{white} + {walk}", rate))
+    table = gj.fitting.read_off(exact(f"{white} + {walk}", rate))
     assert table["Allan", "N"].value == pytest.approx(N, rel=2e-2, abs=0)
     assert table["Allan", "N"].unit == "rad/s/sqrt(Hz)"
     assert table["Allan", "K"].value == pytest.approx(K, rel=2e-2, abs=0)
@@ -46,7 +46,7 @@ def test_coefficients_are_read_off_pure_processes():
 
 
 def test_what_is_not_there_is_not_read():
-    table = gj.read_off(exact("WN(sigma2=1)", 1.0))
+    table = gj.fitting.read_off(exact("WN(sigma2=1)", 1.0))
     assert np.isnan(table["Allan", "K"].value)
     assert "no slope of +0.5" in table["Allan", "K"].note
     assert "upper bound" in table["Allan", "B"].note
@@ -66,7 +66,7 @@ def test_slope_regression_is_exact_for_a_process_alone(kind, model, coefficient)
     adev = exact(model, 10.0)
     # a random walk is a straight line only at many samples: (tau^2 + 2)/tau
     shortest = 5.0 if kind == "RW" else 0.1
-    result = gj.slope_regression(adev, {kind: (shortest, 1e9)})
+    result = gj.fitting.slope_regression(adev, {kind: (shortest, 1e9)})
     (estimate,) = result.table
     assert estimate.value == pytest.approx(coefficient, rel=1e-3 if kind == "RW" else 1e-12, abs=0)
     use = adev.times >= shortest
@@ -76,7 +76,7 @@ def test_slope_regression_is_exact_for_a_process_alone(kind, model, coefficient)
 def test_slope_regression_is_biased_where_processes_overlap():
     """The reason for the GMWM. AVAR = 1/T + K^2 (T + 1/(2T))/3: near the bottom each slope carries the other, too."""
     adev = exact("WN(sigma2=1) + RW(gamma2=1e-6)", 1.0)
-    result = gj.slope_regression(adev, {"WN": (256.0, 2048.0), "RW": (1024.0, 8192.0)})
+    result = gj.fitting.slope_regression(adev, {"WN": (256.0, 2048.0), "RW": (1024.0, 8192.0)})
     T = 2.0 ** np.arange(8, 12)
     assert result.table["WN", "N"].value == pytest.approx(
         np.exp(np.mean(np.log(1 + 1e-6 * (T**2 + 0.5) / 3)) / 2), rel=1e-9
@@ -97,7 +97,7 @@ def test_slope_regression_intervals_cover():
     adev = gj.allan_deviation(gj.wavelet_variance(x, rate=1.0))
     covered = []
     for i in range(num):
-        estimate = gj.slope_regression(adev[i], {"WN": (1.0, 64.0)}).table["WN", "N"]
+        estimate = gj.fitting.slope_regression(adev[i], {"WN": (1.0, 64.0)}).table["WN", "N"]
         covered.append(estimate.ci_low <= 1.0 <= estimate.ci_high)
     assert abs(np.mean(covered) - 0.95) < 4 * np.sqrt(0.95 * 0.05 / num)
 
@@ -106,10 +106,10 @@ def test_slope_regression_without_a_theory_has_no_intervals():
     """Leaving octaves out, or not knowing the record's length, leaves the estimate as it is."""
     tau = 4.0 ** np.arange(1, 8)
     for scales, num_samples in ((tau, 2**16), (2.0 ** np.arange(1, 8), None)):
-        wv = gj.WaveletVariance.from_table(
+        wv = gj.variance.WaveletVariance.from_table(
             scales, 1 / scales, 0.9 / scales, 1.1 / scales, rate=1.0, num_samples=num_samples
         )
-        (estimate,) = gj.slope_regression(gj.allan_deviation(wv), {"WN": (0.0, 1e9)}).table
+        (estimate,) = gj.fitting.slope_regression(gj.allan_deviation(wv), {"WN": (0.0, 1e9)}).table
         assert estimate.value == pytest.approx(1.0, rel=1e-12, abs=0)
         assert np.isnan([estimate.ci_low, estimate.ci_high]).all()
         assert gj.fit(wv, "WN").wv_covariance is None
@@ -123,13 +123,13 @@ def test_errors_name_their_fault():
         gj.allan_deviation(gj.wavelet_variance(x))
     adev = gj.allan_deviation(gj.wavelet_variance(x, rate=1.0))
     with pytest.raises(ValueError, match="Choose one channel"):
-        gj.read_off(adev)
+        gj.fitting.read_off(adev)
     with pytest.raises(ValueError, match="no straight line"):
-        gj.slope_regression(adev[0], {"GM": (1.0, 2.0)})
+        gj.fitting.slope_regression(adev[0], {"GM": (1.0, 2.0)})
     with pytest.raises(ValueError, match=r"no averaging time between 1000 and 2000 s; there are 1, 2, 4"):
-        gj.slope_regression(adev[0], {"WN": (1000.0, 2000.0)})
+        gj.fitting.slope_regression(adev[0], {"WN": (1000.0, 2000.0)})
     with pytest.raises(ValueError, match="at least 3 averaging times"):
-        gj.read_off(gj.allan_deviation(gj.wavelet_variance(x[:10, 0], rate=1.0)))
+        gj.fitting.read_off(gj.allan_deviation(gj.wavelet_variance(x[:10, 0], rate=1.0)))
     with pytest.raises(ValueError, match=r"rate=2.0 was given, and the data have 1.0 Hz"):
         gj.allan_deviation(adev.wv, rate=2.0)
 

@@ -36,7 +36,7 @@ def by_matrices(model, num_samples, J):
 def test_skewness(text, num_samples):
     """To one per cent where few coefficients are independent, else that of a chi-square variable, which is less."""
     model = gj.parse_model(text)
-    V = np.asarray(gj.wv_covariance(model, num_samples))
+    V = np.asarray(gj.variance.wv_covariance(model, num_samples))
     ours, exact = wv_skewness(model, num_samples, V), by_matrices(model, num_samples, len(V))
     few = num_samples / 2.0 ** np.arange(1, len(V) + 1) < 16
     assert few.sum() >= 3
@@ -48,7 +48,7 @@ def test_skewness(text, num_samples):
 def test_draws_have_three_moments():
     model, num_samples = gj.parse_model("RW(gamma2=1.0)"), 2000
     wv = gj.wavelet_variance(np.asarray(gj.simulate(model, num_samples, key=jax.random.key(0))))
-    V = np.asarray(gj.wv_covariance(model, num_samples))
+    V = np.asarray(gj.variance.wv_covariance(model, num_samples))
     nu = np.asarray(model.wavelet_variance(wv.scales))
     z = (theory_draws(model, wv, V)(jax.random.split(jax.random.key(1), 40_000)) - nu) / np.sqrt(np.diag(V))
     assert_mean(z, 0.0)
@@ -64,7 +64,7 @@ def test_the_tail_is_that_of_records():
     model, num_samples, num = gj.parse_model("WN(sigma2=1.0)"), 500, 20_000
     x = np.asarray(jax.random.normal(jax.random.key(2), (num, num_samples)))
     wv = gj.wavelet_variance(x[0])
-    J, V = wv.num_scales, np.asarray(gj.wv_covariance(model, num_samples))
+    J, V = wv.num_scales, np.asarray(gj.variance.wv_covariance(model, num_samples))
     tau = 2**J
     sums = np.concatenate([np.zeros((num, 1)), np.cumsum(x, axis=1)], axis=1)
     half = sums[:, tau // 2 :] - sums[:, : -tau // 2]

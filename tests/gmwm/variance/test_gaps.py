@@ -102,7 +102,7 @@ def matrices(present):
 def test_the_widening_for_white_noise(present):
     """Against dense matrices; the ends, which it takes by their mean, matter at the two longest spans."""
     Q = matrices(present)
-    V = np.asarray(gj.wv_covariance(gj.WN(1.0), 300, len(Q)))
+    V = np.asarray(gj.variance.wv_covariance(gj.WN(1.0), 300, len(Q)))
     expected = [2 * np.sum(q**2) / v for q, v in zip(Q, np.diag(V), strict=True)]
     seen = white_widening(find_pairs(present))
     np.testing.assert_allclose(seen[:-2], expected[:-2], rtol=0.06)
@@ -153,7 +153,7 @@ def test_covariance_with_a_drift_and_without_gaps():
     seen = theory.gap_covariance(noise + gj.DR(0.05), pairs) - theory.gap_covariance(noise, pairs)
     np.testing.assert_allclose(seen, expected, rtol=5e-3, atol=5e-3 * np.max(expected))
     complete = theory.gap_covariance(noise, find_pairs(np.ones(200, dtype=bool)))
-    np.testing.assert_allclose(complete, np.asarray(gj.wv_covariance(noise, 200)), rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(complete, np.asarray(gj.variance.wv_covariance(noise, 200)), rtol=1e-8, atol=1e-12)
 
 
 WALK, WANDERING = "WN(sigma2=1.0) + RW(gamma2=0.005)", "WN(sigma2=1.0) + GM(beta=0.05, variance=1.0)"
@@ -252,7 +252,7 @@ def test_a_fit_knows_the_gaps(gappy):
     # with all of the covariance as weights nearly what the samples hold: sqrt(2/number of them)
     assert np.log(e.ci_high / e.ci_low) / 2 / 1.96 == pytest.approx(np.sqrt(2 / np.sum(wv.present)), rel=0.1)
     assert gj.goodness_of_fit(fit).p_value > 1e-3
-    slopes = gj.slope_regression(gj.allan_deviation(wv), {"WN": (0.1, 10.0)})
+    slopes = gj.fitting.slope_regression(gj.allan_deviation(wv), {"WN": (0.1, 10.0)})
     assert slopes.table["WN", "N"].ci_low > 0
 
 

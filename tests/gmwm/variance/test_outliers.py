@@ -31,7 +31,7 @@ def spiked():
 
 
 def test_the_samples_are_found(spiked):
-    seen = gj.compare_robust(spiked)
+    seen = gj.variance.compare_robust(spiked)
     runs = {(run.first, run.last) for run in seen.runs}
     # a block keeps a step on either side only: its inner samples look alike
     assert {(500, 500), (3000, 3000)} <= runs
@@ -45,14 +45,14 @@ def test_the_samples_are_found(spiked):
 def test_neighbouring_outliers_are_one_run():
     x = white(1000)
     x[400:404] = [50, -60, 70, -80]
-    (run,) = gj.compare_robust(x).runs
+    (run,) = gj.variance.compare_robust(x).runs
     assert (run.first, run.last) == (400, 403)
-    assert gj.compare_robust(x).num_outliers == 4
+    assert gj.variance.compare_robust(x).num_outliers == 4
 
 
 def test_a_clean_record_is_seldom_marked():
     """300 records, each with both tests at 5 %: at most 5 % + 4 standard errors of 1.26 % are marked."""
-    seen = [gj.compare_robust(white(4096, seed)) for seed in range(300)]
+    seen = [gj.variance.compare_robust(white(4096, seed)) for seed in range(300)]
     assert np.mean([np.any(c.significant) for c in seen]) < 0.10
     assert np.mean([bool(c.runs) for c in seen]) < 0.10
     # intervals of the kind eta 3 are wider than white noise needs, most of all at long spans
@@ -62,7 +62,7 @@ def test_a_clean_record_is_seldom_marked():
 
 
 def test_the_numbers(spiked):
-    seen = gj.compare_robust(spiked, efficiency=0.9, num_levels=6, level=0.9)
+    seen = gj.variance.compare_robust(spiked, efficiency=0.9, num_levels=6, level=0.9)
     np.testing.assert_array_equal(seen.classic.variance, gj.wavelet_variance(spiked, num_levels=6).variance)
     expected = gj.wavelet_variance(spiked, num_levels=6, efficiency=0.9, level=0.9)
     np.testing.assert_array_equal(seen.robust.ci_high, expected.ci_high)
@@ -77,25 +77,25 @@ def test_the_numbers(spiked):
 
 
 def test_it_prints_itself(spiked):
-    text = repr(gj.compare_robust(spiked))
+    text = repr(gj.variance.compare_robust(spiked))
     assert text.startswith("Classic against robust (efficiency 0.6) wavelet variance of bench\ntau [s]")
     assert text.splitlines()[3].endswith("differs")
     assert "outlying samples (" in text
     assert "300.00" in text  # seconds of sample 3000
-    clean = repr(gj.compare_robust(white(4096)))
+    clean = repr(gj.variance.compare_robust(white(4096)))
     assert clean.endswith("0 outlying samples (0 %) in 0 runs")
     many = white(10_000)
     many[::500] += 20
-    assert "in 20 runs, the 10 largest:" in repr(gj.compare_robust(many))
+    assert "in 20 runs, the 10 largest:" in repr(gj.variance.compare_robust(many))
 
 
 def test_one_channel_only():
     with pytest.raises(ValueError, match="one channel"):
-        gj.compare_robust(np.column_stack([white(100), white(100)]))
+        gj.variance.compare_robust(np.column_stack([white(100), white(100)]))
 
 
 def test_the_figure(spiked):
-    comparison = gj.compare_robust(spiked)
+    comparison = gj.variance.compare_robust(spiked)
     figure = comparison.plot()
     top, bottom = figure.axes
     for label, wv in (("classic", comparison.classic), ("robust, efficiency 0.6", comparison.robust)):
@@ -113,7 +113,7 @@ def test_the_figure(spiked):
 def test_the_contaminated_record(shared):
     """Isolated outliers in real data: the fine scales differ, those beyond 5 s do not."""
     rec = gj.read_recording(shared / "data" / "cont.imu1.rda")
-    seen = gj.compare_robust(rec)
+    seen = gj.variance.compare_robust(rec)
     np.testing.assert_array_equal(seen.significant, seen.classic.times < 3)
     assert 800 < seen.num_outliers < 1000
     assert seen.classic.variance[0] > 2 * seen.robust.variance[0]

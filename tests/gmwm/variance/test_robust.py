@@ -235,7 +235,7 @@ def test_covariance_against_all_pairs_of_coefficients():
     model = gj.WN(1.0) + gj.GM(0.05, 2.0)
     C = scipy.linalg.toeplitz(np.where(np.arange(num) == 0, 1.0, 0.0) + 2 * np.exp(-0.05 * np.arange(num)))
     rows = [np.apply_along_axis(haar, 0, np.eye(num), j) for j in range(1, J + 1)]
-    seen = np.asarray(gj.wv_covariance(model, num, J, efficiency=0.6))
+    seen = np.asarray(gj.variance.wv_covariance(model, num, J, efficiency=0.6))
     p = biweight(0.6).polynomial[::-1]
     nu = [(A @ C @ A.T)[0, 0] for A in rows]
     for j in range(J):
@@ -282,7 +282,7 @@ def test_covariance_and_coverage(model):
         x = np.asarray(gj.simulate(composite, num, key=jax.random.key(i)))
         draws.append(robust_wavelet_variance(x, J))
     draws = np.array(draws) / np.asarray(composite.wavelet_variance(2.0 ** np.arange(1, J + 1)))
-    V = np.asarray(gj.wv_covariance(composite, num, J, efficiency=0.6))
+    V = np.asarray(gj.variance.wv_covariance(composite, num, J, efficiency=0.6))
     error = np.sqrt(np.diag(V))
     nu = np.asarray(composite.wavelet_variance(2.0 ** np.arange(1, J + 1)))
     many = degrees_of_freedom(num, J) >= 64
@@ -369,7 +369,7 @@ def test_a_robust_fit_says_so_and_has_wider_intervals():
     assert robust.summary().startswith("Robust (efficiency 0.6) GMWM fit of WN + RW")
     assert classic.summary().startswith("GMWM fit of WN + RW")
     assert (robust.to_dict()["efficiency"], classic.to_dict()["efficiency"]) == (0.6, None)
-    expected = gj.wv_covariance(robust.model, 20_000, robust.wv.num_scales, efficiency=0.6)
+    expected = gj.variance.wv_covariance(robust.model, 20_000, robust.wv.num_scales, efficiency=0.6)
     np.testing.assert_array_equal(robust.wv_covariance, expected)
     ratio = np.diag(robust.covariance) / np.diag(classic.covariance)
     assert np.all((ratio > 1) & (ratio < 2))
@@ -382,8 +382,10 @@ def test_the_allan_deviation_keeps_it():
     adev = gj.allan_deviation(wv)
     assert adev.wv.efficiency == 0.6
     np.testing.assert_allclose(adev.deviation, np.sqrt(2 * wv.variance))
-    classic = gj.slope_regression(gj.allan_deviation(gj.wavelet_variance(white(5000), rate=1.0)), {"WN": (1.0, 100.0)})
-    robust = gj.slope_regression(adev, {"WN": (1.0, 100.0)})
+    classic = gj.fitting.slope_regression(
+        gj.allan_deviation(gj.wavelet_variance(white(5000), rate=1.0)), {"WN": (1.0, 100.0)}
+    )
+    robust = gj.fitting.slope_regression(adev, {"WN": (1.0, 100.0)})
 
     def width(r):
         e = r.table["WN", "N"]
@@ -397,7 +399,7 @@ def test_a_drift_is_refused():
     with pytest.raises(ValueError, match=r"DR gives wavelet coefficients a mean.*classic"):
         gj.fit(wv, "WN + DR")
     with pytest.raises(ValueError, match="DR gives"):
-        gj.wv_covariance(gj.WN(1.0) + gj.DR(0.1), 1000, efficiency=0.6)
+        gj.variance.wv_covariance(gj.WN(1.0) + gj.DR(0.1), 1000, efficiency=0.6)
 
 
 # -- bad input -------------------------------------------------------------------------------------------------------
@@ -408,7 +410,7 @@ def test_efficiencies_that_are_not_on_offer(efficiency):
     with pytest.raises(ValueError, match=r"efficiency must be a number between 0.5 and 0.99"):
         gj.wavelet_variance(white(100), efficiency=efficiency)
     with pytest.raises(ValueError, match="efficiency must be"):
-        gj.wv_covariance(gj.WN(1.0), 100, efficiency=efficiency)
+        gj.variance.wv_covariance(gj.WN(1.0), 100, efficiency=efficiency)
 
 
 def test_records_without_a_robust_scale():

@@ -263,10 +263,10 @@ def test_which_wavelet_variances_have_a_theory():
     x = np.random.default_rng(3).normal(size=(40, 2))
     assert gj.wavelet_variance(x).has_theory
     assert not gj.wavelet_variance(x, method="dwt").has_theory
-    assert gj.WaveletVariance.from_table(**TABLE, num_samples=100).has_theory
-    assert not gj.WaveletVariance.from_table(**TABLE).has_theory
-    assert not gj.WaveletVariance.from_table(**{**TABLE, "scales": [4, 8, 16]}, num_samples=100).has_theory
-    assert not gj.WaveletVariance.from_table(**{**TABLE, "scales": [2, 4, 6]}, num_samples=100).has_theory
+    assert gj.variance.WaveletVariance.from_table(**TABLE, num_samples=100).has_theory
+    assert not gj.variance.WaveletVariance.from_table(**TABLE).has_theory
+    assert not gj.variance.WaveletVariance.from_table(**{**TABLE, "scales": [4, 8, 16]}, num_samples=100).has_theory
+    assert not gj.variance.WaveletVariance.from_table(**{**TABLE, "scales": [2, 4, 6]}, num_samples=100).has_theory
 
 
 def test_infinity_far_into_a_long_record_is_named():
@@ -302,7 +302,7 @@ def test_bad_options_name_their_fault():
 def test_the_jax_path_takes_one_record():
     """Two channels would be summed into one; single precision would stay single."""
     x = np.random.default_rng(0).normal(size=(100, 2))
-    for function in (gj.haar_wavelet_variance, gj.haar_dwt_variance):
+    for function in (gj.variance.haar_wavelet_variance, gj.variance.haar_dwt_variance):
         with pytest.raises(ValueError, match=r"shape \(N,\), and this one \(100, 2\): use jax.vmap"):
             function(x)
         assert function(jnp.asarray(x[:, 0], dtype=jnp.float32)).dtype == jnp.float64
@@ -341,7 +341,7 @@ TABLE = {"scales": [2, 4, 8], "variance": [3.0, 2.0, 1.0], "ci_low": [2.0, 1.0, 
 )
 def test_bad_tables_name_their_fault(change, message):
     with pytest.raises(ValueError, match=message):
-        gj.WaveletVariance.from_table(**{**TABLE, **change})
+        gj.variance.WaveletVariance.from_table(**{**TABLE, **change})
 
 
 def test_object_knows_its_channels_and_prints_itself():

@@ -11,8 +11,7 @@ import pytest
 from gmwm_jax import GM, RW, WN
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.aiding.gnss import GnssPosition
-from nav_jax.aiding.gnss import GnssVelocity
+from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.filter.ekf import NavState, inject
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")

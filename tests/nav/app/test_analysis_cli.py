@@ -200,7 +200,7 @@ def test_design_computes_and_its_filter_can_be_compared(config, tmp_path):
 
 def test_a_design_is_confirmed_on_request(config, tmp_path, monkeypatch):
     runs = {name: make_runs(name) for name in ("designed", "truncated", "right")}
-    result = nj.Comparison(motions.static(10.0, 10.0), runs)
+    result = nj.simulation.Comparison(motions.static(10.0, 10.0), runs)
     seen = []
     monkeypatch.setattr(Config, "compare", lambda self, **named: seen.append((self.filters, named)) or result)
     d = make_design()
@@ -224,7 +224,9 @@ def test_a_design_is_confirmed_on_request(config, tmp_path, monkeypatch):
 
 
 def test_an_interrupted_confirmation_ends_with_its_code(config, monkeypatch):
-    result = nj.Comparison(motions.static(10.0, 10.0), {"designed": make_runs(num_runs=5, num_requested=100)})
+    result = nj.simulation.Comparison(
+        motions.static(10.0, 10.0), {"designed": make_runs(num_runs=5, num_requested=100)}
+    )
     monkeypatch.setattr(Config, "compare", lambda self, **named: result)
     answers(monkeypatch, design_filters=make_design())
     stderr = call("design", config, "--confirm", 100, code=cli.INTERRUPTED).stderr

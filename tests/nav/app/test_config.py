@@ -10,8 +10,7 @@ from nav.synthetic import make_runs
 
 import gmwm_jax
 from nav_jax.aiding.barometer import Barometer
-from nav_jax.aiding.gnss import GnssPosition
-from nav_jax.aiding.gnss import GnssVelocity
+from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.app.comparison_file import read_config
 from nav_jax.app.sections import MOTIONS, quantity
 from nav_jax.imu.errors import ImuErrors, RecordedErrors

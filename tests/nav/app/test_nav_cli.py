@@ -339,7 +339,7 @@ def test_the_command_turns_64_bits_on_itself(config):
 @pytest.mark.parametrize("package", ["typer", "pydantic"])
 def test_a_missing_package_is_named(monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
-    for module in ("cli", "demo", "config", "config_sections"):
-        monkeypatch.delitem(sys.modules, f"nav_jax.{module}")
+    for module in ("cli", "demo", "comparison_file", "sections"):
+        monkeypatch.delitem(sys.modules, f"nav_jax.app.{module}")
     with pytest.raises(SystemExit, match=rf'needs the package {package}: pip install "gmwm-jax\[app\]"'):
         __main__.main()

@@ -45,18 +45,20 @@ def test_derivatives_are_those_of_differences(gains):
 
     Backward and forward agree to 1e-8; central differences of fourth order to 1e-5, and 1e-6 of the largest.
     """
-    e = nj.prepare(nj.lemniscate(4.0, setups.RATE), sensors(START), rate=setups.RATE, initial=start(START))
-    keys = nj.run_keys(jax.random.key(3), 0, 4)
+    e = nj.filter.prepare(
+        nj.motions.lemniscate(4.0, setups.RATE), sensors(START), rate=setups.RATE, initial=start(START)
+    )
+    keys = nj.filter.run_keys(jax.random.key(3), 0, 4)
 
     def parts(e):
         return e.sensors, e.initial
 
     def cost(x):
         true, believed = x[:SIZE], x[SIZE:]
-        inputs = nj.draw_inputs(eqx.tree_at(parts, e, (sensors(true), start(true))), model(true), keys)
+        inputs = nj.filter.draw_inputs(eqx.tree_at(parts, e, (sensors(true), start(true))), model(true), keys)
         ours = eqx.tree_at(parts, e, (sensors(believed), start(believed)))
-        shared = nj.gains_of(ours, model(believed)) if gains == "reference" else None
-        error = nj.run_filter(ours, model(believed), inputs, shared).judgement.error[-1, :3]
+        shared = nj.filter.gains_of(ours, model(believed)) if gains == "reference" else None
+        error = nj.filter.run_filter(ours, model(believed), inputs, shared).judgement.error[-1, :3]
         return jnp.mean(jnp.sum(error**2, axis=0))
 
     x, h = jnp.concatenate([START, START]), 1e-3
@@ -77,12 +79,12 @@ def test_derivatives_are_those_of_differences(gains):
 
 def test_exact_start_has_finite_derivatives():
     """Zero variances: of the start, and of states that start from zero."""
-    e = nj.prepare(nj.lemniscate(2.0, setups.RATE), setups.aiding(), rate=setups.RATE)
-    keys = nj.run_keys(jax.random.key(3), 0, 2)
+    e = nj.filter.prepare(nj.motions.lemniscate(2.0, setups.RATE), setups.aiding(), rate=setups.RATE)
+    keys = nj.filter.run_keys(jax.random.key(3), 0, 2)
 
     def of(white):
         errors = nj.ImuErrors(gj.WN(white) + gj.AR1(0.99, white), gj.WN(1e-6), setups.RATE, start="zero")
-        judged = nj.run_filter(e, errors, nj.draw_inputs(e, errors, keys)).judgement
+        judged = nj.filter.run_filter(e, errors, nj.filter.draw_inputs(e, errors, keys)).judgement
         return jnp.mean(judged.error[-1, :3] ** 2) + jnp.mean(judged.sd[-1, :9])
 
     value, slope = quick(lambda x: jax.jvp(of, (x,), (jnp.ones(()),)))(jnp.asarray(1e-5))
@@ -98,13 +100,13 @@ def test_reverse_mode_keeps_segments_not_steps():
     (6.7 MB were seen for 10 s and 8.5 MB for 80 s).
     """
 
-    e = nj.prepare(nj.lemniscate(80.0, 50.0), setups.aiding(), rate=50.0)
+    e = nj.filter.prepare(nj.motions.lemniscate(80.0, 50.0), setups.aiding(), rate=50.0)
     errors = nj.ImuErrors(gj.WN(1e-5), gj.WN(1e-6), 50.0)
-    inputs = jax.eval_shape(lambda: nj.draw_inputs(e, errors, nj.run_keys(jax.random.key(3), 0, 16)))
+    inputs = jax.eval_shape(lambda: nj.filter.draw_inputs(e, errors, nj.filter.run_keys(jax.random.key(3), 0, 16)))
 
     def of(white, inputs):
         believed = nj.ImuErrors(gj.WN(white), gj.WN(1e-6), 50.0)
-        return jnp.mean(nj.run_filter(e, believed, inputs).judgement.error[-1, :3] ** 2)
+        return jnp.mean(nj.filter.run_filter(e, believed, inputs).judgement.error[-1, :3] ** 2)
 
     compiled = quick(jax.grad(of)).lower(jnp.asarray(1e-5), inputs).compile()
     assert compiled.memory_analysis().temp_size_in_bytes < 4000 * 16 * (81 + 10) * 8 / 4

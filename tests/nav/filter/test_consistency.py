@@ -17,7 +17,7 @@ OUTAGE = (260.0, 300.0)
 def runs():
     """Started from stationarity, with initial errors; the slowest process has a time constant of half a day."""
     return nj.monte_carlo(
-        nj.lemniscate(300.0, setups.RATE),
+        nj.motions.lemniscate(300.0, setups.RATE),
         setups.imu_errors(),
         aiding=setups.aiding(*OUTAGE),
         initial=nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5])),

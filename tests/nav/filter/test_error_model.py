@@ -243,19 +243,21 @@ def test_step_is_that_of_van_loan_in_r(shared):
 
 def rough_reference():
     """Positions quantised to 0.2 mm: several m/s^2 of noise in the specific force."""
-    smooth = nj.lemniscate(20.0, 100.0)
+    smooth = nj.motions.lemniscate(20.0, 100.0)
     return nj.Trajectory.from_quaternion(smooth.time, np.round(smooth.position / 2e-4) * 2e-4, smooth.quaternion)
 
 
 @pytest.mark.parametrize("rough", [False, True])
 def test_fewer_covariance_steps_make_the_same_covariance(rough):
     """Every 10th sample against every one, over 20 s with an outage of 10 s: standard deviations to 1e-4."""
-    reference = rough_reference() if rough else nj.lemniscate(20.0, 100.0)
+    reference = rough_reference() if rough else nj.motions.lemniscate(20.0, 100.0)
     errors = setups.imu_errors("partial")
     start = nj.InitialUncertainty(0.1, 0.05, np.deg2rad([0.2, 0.2, 1.0]))
     sd = []
     for every in (1, 10):
-        with pytest.warns(nj.NoisyReferenceWarning) if rough else contextlib.nullcontext():
-            e = nj.prepare(reference, setups.aiding(8.0, 18.0), rate=100.0, initial=start, every=every)
-        sd.append(np.sqrt(np.diagonal(np.asarray(nj.gains_of(e, errors).claim.navigation)[..., 0], axis1=1, axis2=2)))
+        with pytest.warns(nj.imu.NoisyReferenceWarning) if rough else contextlib.nullcontext():
+            e = nj.filter.prepare(reference, setups.aiding(8.0, 18.0), rate=100.0, initial=start, every=every)
+        sd.append(
+            np.sqrt(np.diagonal(np.asarray(nj.filter.gains_of(e, errors).claim.navigation)[..., 0], axis1=1, axis2=2))
+        )
     np.testing.assert_allclose(sd[1], sd[0], rtol=1e-4)

@@ -73,7 +73,7 @@ def run_ours(r, case, **options):
     name = meta[case]["inputs"]
     reference = data["ref_lemniscate"]
     trajectory = nj.Trajectory.from_euler(reference[:, 0], reference[:, 1:4], reference[:, 4:7])
-    e = nj.prepare(trajectory, setups.aiding(30.0, 50.0, first=0.0), rate=setups.RATE, earth=EARTH, **options)
+    e = nj.filter.prepare(trajectory, setups.aiding(30.0, 50.0, first=0.0), rate=setups.RATE, earth=EARTH, **options)
     model = believed(meta[case]["kf_model"])
     inputs = setups.quiet_inputs(e)
     noise = (data[name + "_imu"] - data["in_lemniscate_s1_full_clean_imu"])[1:, :6000].T
@@ -84,7 +84,7 @@ def run_ours(r, case, **options):
     z[:, 6, 0] += data[name + "_baro"][1] + truth[:, 3]
     errors = noise[setups.samples(e)].reshape(inputs.errors.per_step.shape)
     inputs = inputs._replace(errors=GivenErrors(jnp.asarray(errors), inputs.errors.per_segment), z=jnp.asarray(z))
-    judged = jax.tree.map(np.asarray, nj.run_filter(e, model, inputs).judgement)
+    judged = jax.tree.map(np.asarray, nj.filter.run_filter(e, model, inputs).judgement)
     return judged.error[1:, :9, 0], judged.sd[1:, :9, 0]
 
 

@@ -19,7 +19,7 @@ EARTH = nj.FlatEarth(setups.GRAVITY)
 
 
 def experiment(reference, aiding, **options):
-    return nj.prepare(reference, aiding, rate=setups.RATE, earth=EARTH, **options)
+    return nj.filter.prepare(reference, aiding, rate=setups.RATE, earth=EARTH, **options)
 
 
 def white(scale=1.0):
@@ -33,9 +33,11 @@ def white(scale=1.0):
 @pytest.mark.parametrize("every", [1, 10])
 def test_without_noise_the_reference_comes_back(gains, every):
     """300 s of free inertial navigation: 1e-6 m and 1e-8 rad are asked for, 100 times less is left."""
-    reference = nj.lemniscate(300.0, setups.RATE)
+    reference = nj.motions.lemniscate(300.0, setups.RATE)
     e = experiment(reference, (), every=every, output_interval=10.0)
-    out = nj.run_filter(e, white(), setups.quiet_inputs(e), nj.gains_of(e, white()) if gains == "reference" else None)
+    out = nj.filter.run_filter(
+        e, white(), setups.quiet_inputs(e), nj.filter.gains_of(e, white()) if gains == "reference" else None
+    )
     error = np.asarray(out.judgement.error)[:, :, 0]
     assert np.abs(error[:, :3]).max() < 1e-8
     assert np.abs(error[:, 6:9]).max() < 1e-10
@@ -44,8 +46,8 @@ def test_without_noise_the_reference_comes_back(gains, every):
 
 
 def test_without_noise_fixes_change_nothing():
-    e = experiment(nj.lemniscate(10.0, setups.RATE), setups.aiding(rate=3.0))
-    out = nj.run_filter(e, white(), setups.quiet_inputs(e))
+    e = experiment(nj.motions.lemniscate(10.0, setups.RATE), setups.aiding(rate=3.0))
+    out = nj.filter.run_filter(e, white(), setups.quiet_inputs(e))
     assert np.abs(np.asarray(out.judgement.error)[:, :9]).max() < 1e-9
     assert np.abs(np.asarray(out.innovation)).max() < 1e-9
 
@@ -77,9 +79,9 @@ def test_a_run_is_that_of_a_textbook_filter(key, which):
         nj.Barometer(1.0, height=0.5, first=0.0),
     )
     start = nj.InitialUncertainty(1.0, 0.1, np.deg2rad([0.5, 0.5, 2.0]))
-    e = experiment(nj.lemniscate(10.0, setups.RATE), sensors, initial=start)
-    inputs = nj.draw_inputs(e, errors, nj.run_keys(key, 0, 1))
-    out = nj.run_filter(e, errors, inputs)
+    e = experiment(nj.motions.lemniscate(10.0, setups.RATE), sensors, initial=start)
+    inputs = nj.filter.draw_inputs(e, errors, nj.filter.run_keys(key, 0, 1))
+    out = nj.filter.run_filter(e, errors, inputs)
     bank = textbook.Bank(errors.bank())
     times = np.asarray(e.timeline.dt.sum(axis=1)[e.timeline.pattern].sum(axis=1)).cumsum()
     H = np.concatenate([s.jacobian() for s in sensors])
@@ -129,10 +131,10 @@ def relative_difference(key, scale, attitude_sd):
         nj.GnssVelocity(1.0, horizontal=0.05 * scale, vertical=0.1 * scale),
     ]
     start = nj.InitialUncertainty(0.5 * scale, 0.05 * scale, attitude_sd)
-    e = experiment(nj.lemniscate(10.0, setups.RATE), sensors, initial=start)
-    inputs = nj.draw_inputs(e, errors, nj.run_keys(key, 0, 8))
-    own = nj.run_filter(e, errors, inputs).judgement
-    shared = nj.run_filter(e, errors, inputs, nj.gains_of(e, errors)).judgement
+    e = experiment(nj.motions.lemniscate(10.0, setups.RATE), sensors, initial=start)
+    inputs = nj.filter.draw_inputs(e, errors, nj.filter.run_keys(key, 0, 8))
+    own = nj.filter.run_filter(e, errors, inputs).judgement
+    shared = nj.filter.run_filter(e, errors, inputs, nj.filter.gains_of(e, errors)).judgement
     return np.max(np.abs(own.error - shared.error)[:, :9] / shared.sd[:, :9])
 
 
@@ -163,7 +165,7 @@ def loop():
 
 def wrapped():
     """A circle whose yaw is given between -180 and 180 deg."""
-    reference = nj.circle(10.0, setups.RATE, radius=5.0, speed=8.0)
+    reference = nj.motions.circle(10.0, setups.RATE, radius=5.0, speed=8.0)
     euler = reference.euler
     euler[:, 2] = (euler[:, 2] + np.pi) % (2 * np.pi) - np.pi
     assert np.abs(np.diff(euler[:, 2])).max() > 6
@@ -176,9 +178,9 @@ def test_no_attitude_is_singular(key, motion):
     errors = white()
     e = experiment(motion(), setups.aiding(), initial=nj.InitialUncertainty(0.02, 0.01, np.deg2rad(0.3)))
     # as many runs, for one compilation
-    quiet = nj.run_filter(e, errors, setups.quiet_inputs(e, num_runs=16))
+    quiet = nj.filter.run_filter(e, errors, setups.quiet_inputs(e, num_runs=16))
     assert np.abs(np.asarray(quiet.judgement.error)[:, :9]).max() < 1e-9
-    out = nj.run_filter(e, errors, nj.draw_inputs(e, errors, nj.run_keys(key, 0, 16)))
+    out = nj.filter.run_filter(e, errors, nj.filter.draw_inputs(e, errors, nj.filter.run_keys(key, 0, 16)))
     assert not np.any(out.status)
     navigation = np.asarray(out.judgement.nees)[:, 4].mean(axis=0)
     assert abs(navigation.mean() - 9) < 2 * 4.5 * np.sqrt(2 * 9 / 160)
@@ -190,11 +192,11 @@ def test_no_attitude_is_singular(key, motion):
 
 def test_a_run_that_overflows_is_marked_and_leaves_the_others_alone(key):
     errors = white()
-    e = experiment(nj.lemniscate(10.0, setups.RATE), setups.aiding())
-    inputs = setups.given(e, nj.draw_inputs(e, errors, nj.run_keys(key, 0, 16)))
-    fine = nj.run_filter(e, errors, inputs)
+    e = experiment(nj.motions.lemniscate(10.0, setups.RATE), setups.aiding())
+    inputs = setups.given(e, nj.filter.draw_inputs(e, errors, nj.filter.run_keys(key, 0, 16)))
+    fine = nj.filter.run_filter(e, errors, inputs)
     huge = inputs.errors.per_step.at[5, 3:5, 0, 0, 2].set(1e308)
-    out = nj.run_filter(e, errors, inputs._replace(errors=GivenErrors(huge, inputs.errors.per_segment)))
+    out = nj.filter.run_filter(e, errors, inputs._replace(errors=GivenErrors(huge, inputs.errors.per_segment)))
     expected = np.zeros(16, int)
     expected[2] = Status.non_finite
     np.testing.assert_array_equal(out.status, expected)
@@ -205,7 +207,7 @@ def test_a_run_that_overflows_is_marked_and_leaves_the_others_alone(key):
 def test_a_negative_variance_is_marked(key):
     """A covariance at the start that is none, which the public functions would refuse."""
     errors = white()
-    e = experiment(nj.lemniscate(10.0, setups.RATE), ())
+    e = experiment(nj.motions.lemniscate(10.0, setups.RATE), ())
     P = jnp.diag(jnp.array([-1e4] + [1.0] * 8))
     out = run_estimate(e.timeline, errors.bank(), (), setups.quiet_inputs(e), P)
     np.testing.assert_array_equal(out.status, [Status.not_positive])

@@ -10,7 +10,7 @@ import nav_jax as nj
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
-REFERENCE = nj.lemniscate(16.0, setups.RATE)
+REFERENCE = nj.motions.lemniscate(16.0, setups.RATE)
 OUTAGE = (6.0, 12.0)
 ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.002, 2e-5), gj.WN(1.5e-6) + gj.GM(0.005, 2e-7), setups.RATE)
 START = nj.InitialUncertainty(0.1, 0.05, 0.01)
@@ -40,15 +40,15 @@ def textbook(Phi, P_after, H, R, valid, states):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return nj.prepare(REFERENCE, AIDING, rate=setups.RATE, initial=START, every=10)
+    return nj.filter.prepare(REFERENCE, AIDING, rate=setups.RATE, initial=START, every=10)
 
 
 @pytest.fixture(scope="module")
 def outcomes(experiment):
     """Of four runs: the filter that remembers, and the smoother."""
-    inputs = nj.draw_inputs(experiment, ERRORS, nj.run_keys(jax.random.key(2), 0, 4))
-    gains = nj.gains_of(experiment, ERRORS, smooth=True)
-    return nj.run_filter(experiment, ERRORS, inputs, gains), nj.run_filter(
+    inputs = nj.filter.draw_inputs(experiment, ERRORS, nj.filter.run_keys(jax.random.key(2), 0, 4))
+    gains = nj.filter.gains_of(experiment, ERRORS, smooth=True)
+    return nj.filter.run_filter(experiment, ERRORS, inputs, gains), nj.filter.run_filter(
         experiment, ERRORS, inputs, gains, smooth=True
     )
 
@@ -85,9 +85,9 @@ def test_the_last_estimate_is_the_filter_s(outcomes):
 
 
 def test_gains_that_do_not_remember_are_refused(experiment, outcomes):
-    inputs = nj.draw_inputs(experiment, ERRORS, nj.run_keys(jax.random.key(2), 0, 4))
+    inputs = nj.filter.draw_inputs(experiment, ERRORS, nj.filter.run_keys(jax.random.key(2), 0, 4))
     with pytest.raises(ValueError, match="smooth=True"):
-        nj.run_filter(experiment, ERRORS, inputs, nj.gains_of(experiment, ERRORS), smooth=True)
+        nj.filter.run_filter(experiment, ERRORS, inputs, nj.filter.gains_of(experiment, ERRORS), smooth=True)
 
 
 @pytest.mark.slow
@@ -118,7 +118,7 @@ def test_it_is_consistent_and_better(gains):
 
 def test_navigation_is_smoothed():
     """A record whose sensors are perfect comes back, at outputs and fixes; standard deviations are the smaller."""
-    imu, reference = nj.perfect_imu(nj.lemniscate(8.0, setups.RATE), setups.RATE, nj.FlatEarth())
+    imu, reference = nj.perfect_imu(nj.motions.lemniscate(8.0, setups.RATE), setups.RATE, nj.FlatEarth())
     t = np.arange(1.0, 9.0)
     at = np.round(t * setups.RATE).astype(int)
     sensor = nj.GnssPosition(1.0, horizontal=0.03, vertical=0.05)

@@ -12,7 +12,7 @@ from nav_jax.imu._counter import counter_keys, gaussian, normals, threefry
 
 def numbers(num_runs, streams, count):
     """Numbers (T, S, R) of the first counts."""
-    keys = counter_keys(nj.run_keys(jax.random.key(4), 0, num_runs))
+    keys = counter_keys(nj.filter.run_keys(jax.random.key(4), 0, num_runs))
     streams = np.array(streams, dtype=np.uint32)
     return np.asarray(jax.jit(jax.vmap(lambda t: normals(keys, streams, t)))(jnp.arange(count, dtype=jnp.uint32)))
 

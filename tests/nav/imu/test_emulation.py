@@ -38,7 +38,7 @@ def emulated(errors, keys, num_samples):
 
 
 def keys(num=RUNS, seed=1):
-    return nj.run_keys(jax.random.key(seed), 0, num)
+    return nj.filter.run_keys(jax.random.key(seed), 0, num)
 
 
 def drawn(accel, num_samples=30, num=RUNS, **options):

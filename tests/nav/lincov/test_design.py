@@ -14,7 +14,7 @@ from nav_jax.filter.parameters import AidingLines, ErrorLines
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
-REFERENCE = nj.lemniscate(20.0, setups.RATE)
+REFERENCE = nj.motions.lemniscate(20.0, setups.RATE)
 AIDING = setups.aiding(12.0, 20.0)
 START = nj.InitialUncertainty(0.05, 0.02, 0.002)
 TRUTH = nj.ImuErrors(
@@ -105,7 +105,7 @@ def test_sensitivities_are_differences_of_analyses(slopes, side, name):
 
 def test_sensitivity_to_a_partial_autocorrelation():
     """What is named is what is moved: both coefficients, by the recursion, as the first partial one alone changes."""
-    aiding, reference = setups.aiding(), nj.lemniscate(3.0, setups.RATE)
+    aiding, reference = setups.aiding(), nj.motions.lemniscate(3.0, setups.RATE)
     options = {"aiding": aiding, "initial": START, "every": 10}
 
     def truth(z, r2=-0.4):
@@ -185,14 +185,16 @@ def test_sources_have_names(budget):
     assert "all: RMS" in repr(budget)
     nothing = nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE)
     with pytest.raises(ValueError, match="no source of error"):
-        nj.error_budget(nj.static(1.0, setups.RATE), nothing, TRUTH, aiding=(), every=10)
+        nj.error_budget(nj.motions.static(1.0, setups.RATE), nothing, TRUTH, aiding=(), every=10)
 
 
 def test_a_correlated_start_is_one_source():
     P = np.diag(np.full(9, 1e-4))
     P[0, 3] = P[3, 0] = 5e-5
     start = nj.InitialUncertainty(covariance=P)
-    b = nj.error_budget(nj.lemniscate(2.0, setups.RATE), FEWER, aiding=setups.aiding()[:1], initial=start, every=10)
+    b = nj.error_budget(
+        nj.motions.lemniscate(2.0, setups.RATE), FEWER, aiding=setups.aiding()[:1], initial=start, every=10
+    )
     assert [s for s in b.sources if s.startswith("start")] == ["start"]
 
 
@@ -215,7 +217,7 @@ def test_an_interval_of_the_navigation_error(fits):
     """The spread over draws is that of the delta method; the loss by not knowing is never negative."""
     accel, gyro = fits
     options = {"aiding": setups.aiding(6.0, 10.0), "initial": START, "every": 10}
-    where = nj.lemniscate(10.0, setups.RATE)
+    where = nj.motions.lemniscate(10.0, setups.RATE)
     c = nj.calibration_effect(where, accel, gyro, key=jax.random.key(1), num_draws=64, **options)
     low, high = c.interval("position")
     assert np.all(low <= c.rms["position"])
@@ -247,7 +249,7 @@ def test_calibration_wants_fits(fits):
 @pytest.fixture(scope="module")
 def designed():
     """Filters with no or one process of the gyros, for a truth with one, and two of the accelerometers."""
-    scenario = nj.Scenario(nj.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
     return nj.design(TRUTH, scenario, max_accel=0, max_gyro=1, num_starts=1, every=20)
 
 
@@ -309,7 +311,7 @@ def test_results_of_a_design(designed):
 def test_a_design_for_a_random_walk():
     """The truth is in the family: found, and named as what it is."""
     truth = nj.ImuErrors(gj.WN(6e-5) + gj.RW(1e-7), gj.WN(1.5e-6), setups.RATE)
-    scenario = nj.Scenario(nj.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
     d = nj.design(truth, scenario, max_accel=1, max_gyro=0, every=20)
     white, walk = d.candidates
     assert walk.name == "1 RW accel, 0 GM gyro"
@@ -324,7 +326,7 @@ def test_a_design_for_a_random_walk():
 def test_a_truth_of_higher_order_has_no_part_in_the_family():
     """Then there is nothing naive to compare with; more states do no harm."""
     truth = nj.ImuErrors(gj.WN(6e-5) + gj.MAT32(1e-4, 0.01), gj.WN(1.5e-6), setups.RATE)
-    scenario = nj.Scenario(nj.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
     d = nj.design(truth, scenario, max_accel=1, max_gyro=0, every=20)
     assert [c.naive is None for c in d.candidates] == [False, True]
     assert d.candidates[1].covariances_naive == ()
@@ -340,12 +342,12 @@ def test_a_truth_of_higher_order_has_no_part_in_the_family():
     [
         ({"objective": "beauty"}, "objective is one of score, error"),
         ({"scenarios": ()}, "at least one scenario"),
-        ({"scenarios": nj.static(2.0, setups.RATE)}, "Scenarios are wanted"),
+        ({"scenarios": nj.motions.static(2.0, setups.RATE)}, "Scenarios are wanted"),
         ({"num_starts": 0}, "num_starts"),
         ({"max_states": 2}, "No structure has 2"),
     ],
 )
 def test_a_design_needs_its_input(options, message):
-    scenario = nj.Scenario(nj.static(2.0, setups.RATE), (), START)
+    scenario = nj.Scenario(nj.motions.static(2.0, setups.RATE), (), START)
     with pytest.raises(ValueError, match=message):
         nj.design(TRUTH, **({"scenarios": scenario} | options))

@@ -40,15 +40,15 @@ def correlation(P, scale=None):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return nj.prepare(
-        nj.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), rate=setups.RATE, initial=START, every=10
+    return nj.filter.prepare(
+        nj.motions.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), rate=setups.RATE, initial=START, every=10
     )
 
 
 @pytest.fixture(scope="module")
 def analysis():
     return nj.analyse(
-        nj.lemniscate(20.0, setups.RATE), TRUTH, FILTERS, aiding=setups.aiding(*OUTAGE), initial=START, every=10
+        nj.motions.lemniscate(20.0, setups.RATE), TRUTH, FILTERS, aiding=setups.aiding(*OUTAGE), initial=START, every=10
     )
 
 
@@ -61,10 +61,10 @@ def test_the_right_filter_claims_what_is_true(every):
     truth = nj.ImuErrors(
         gj.WN(6e-5) + gj.MAT32(0.01, 1e-5), gj.WN(1.5e-6) + gj.RW(1e-13) + gj.DR(1e-9), setups.RATE, accel_bias_sd=0.01
     )
-    e = nj.prepare(
-        nj.lemniscate(4.0, setups.RATE), setups.aiding(2.0, 3.0), rate=setups.RATE, initial=START, every=every
+    e = nj.filter.prepare(
+        nj.motions.lemniscate(4.0, setups.RATE), setups.aiding(2.0, 3.0), rate=setups.RATE, initial=START, every=every
     )
-    found = nj.linear_covariance(e, truth, truth)
+    found = nj.lincov.linear_covariance(e, truth, truth)
     for true, claimed in zip(found.true, found.claimed, strict=True):
         np.testing.assert_allclose(correlation(true, claimed), correlation(claimed), rtol=0, atol=1e-9)
     used = np.asarray(e.timeline.valid) > 0
@@ -75,8 +75,8 @@ def test_the_right_filter_claims_what_is_true(every):
 
 def test_what_a_filter_claims_is_its_own_covariance(experiment):
     """That of the filter which runs on the reference, from another program."""
-    gains = nj.gains_of(experiment, FILTERS["fewer"])
-    found = nj.linear_covariance(experiment, TRUTH, FILTERS["fewer"])
+    gains = nj.filter.gains_of(experiment, FILTERS["fewer"])
+    found = nj.lincov.linear_covariance(experiment, TRUTH, FILTERS["fewer"])
     theirs = np.asarray(gains.claim.navigation[..., 0])
     np.testing.assert_allclose(correlation(found.claimed.navigation, theirs), correlation(theirs), atol=1e-10)
 
@@ -128,7 +128,8 @@ def test_unaided_and_at_rest_the_integrals_of_the_noise_come_out(case):
     seconds, dt = 60.0, 1 / setups.RATE
     truth = nj.ImuErrors(accel, gyro, setups.RATE)
     c = nj.analyse(
-        nj.static(seconds, setups.RATE), truth, nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), setups.RATE), aiding=(), every=1,
+        nj.motions.static(seconds, setups.RATE), truth, nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), setups.RATE),
+        aiding=(), every=1,
         earth=nj.FlatEarth(setups.GRAVITY),
     )["filter"]  # fmt: skip
     model = gj.Composite((accel if case.startswith("accel") else gyro,))
@@ -174,7 +175,7 @@ def assert_moments(analysis, comparison, num_runs):
 def test_monte_carlo(analysis):
     """800 runs of three filters, with states of other kinds and number than the truth's, through an outage."""
     comparison = nj.compare(
-        nj.lemniscate(20.0, setups.RATE),
+        nj.motions.lemniscate(20.0, setups.RATE),
         TRUTH,
         {name: f for name, f in FILTERS.items() if name != "right"},
         aiding=setups.aiding(*OUTAGE),
@@ -211,9 +212,9 @@ def test_noise_of_fixes_that_has_a_memory():
     )
     believed = {"filter": nj.ImuErrors("WN(sigma2=6e-5)", "WN(sigma2=1.5e-6)", setups.RATE)}
     options = {"aiding": aiding, "initial": START, "every": 5}
-    c = nj.analyse(nj.lemniscate(10.0, setups.RATE), truth, believed, **options)
+    c = nj.analyse(nj.motions.lemniscate(10.0, setups.RATE), truth, believed, **options)
     runs = nj.compare(
-        nj.lemniscate(10.0, setups.RATE),
+        nj.motions.lemniscate(10.0, setups.RATE),
         truth,
         believed,
         num_runs=NUM_RUNS,
@@ -245,10 +246,10 @@ def test_derivatives_by_everything(experiment):
         aiding = (nj.GnssPosition(1.0, horizontal=v[9], vertical=0.05, outages=(OUTAGE,)), *experiment.sensors[1:])
         initial = nj.InitialUncertainty(v[10], 0.02, v[11])
         e = eqx.tree_at(lambda e: (e.sensors, e.initial), experiment, (aiding, initial))
-        found = nj.linear_covariance(e, truth, believed, motion=motion)
+        found = nj.lincov.linear_covariance(e, truth, believed, motion=motion)
         return jnp.log(jnp.trace(found.true.navigation[-1])) + jnp.log(jnp.trace(found.claimed.navigation[-1]))
 
-    motion = nj.motion_of(experiment)
+    motion = nj.lincov.motion_of(experiment)
     value, forward, backward = jax.jit(cost), jax.jit(jax.jacfwd(cost))(start), jax.jit(jax.grad(cost))(start)
     h = 2e-3
     steps = h * np.eye(len(start))
@@ -265,13 +266,13 @@ def test_derivatives_by_everything(experiment):
 
 def test_many_filters_at_once_compile_once(experiment):
     """Each is what it is alone; other numbers need no other program."""
-    motion = nj.motion_of(experiment)
+    motion = nj.lincov.motion_of(experiment)
 
     @eqx.filter_jit
     def position(white, beta):
         def one(white, beta):
             believed = nj.ImuErrors(gj.WN(white) + gj.GM(beta, 1e-5), gj.WN(3e-6), setups.RATE)
-            return nj.linear_covariance(experiment, TRUTH, believed, motion=motion).true.navigation[-1, 0, 0]
+            return nj.lincov.linear_covariance(experiment, TRUTH, believed, motion=motion).true.navigation[-1, 0, 0]
 
         count.append(1)
         return jax.vmap(one)(white, beta)
@@ -282,13 +283,13 @@ def test_many_filters_at_once_compile_once(experiment):
     position(2 * whites, 2 * betas)
     assert count == [1]
     believed = nj.ImuErrors(gj.WN(whites[1]) + gj.GM(betas[1], 1e-5), gj.WN(3e-6), setups.RATE)
-    alone = nj.linear_covariance(experiment, TRUTH, believed, motion=motion)
+    alone = nj.lincov.linear_covariance(experiment, TRUTH, believed, motion=motion)
     assert together[1] == pytest.approx(float(alone.true.navigation[-1, 0, 0]), rel=1e-10)
 
 
 def test_many_truths_and_filters_as_the_last_axis(experiment):
     """Stacked models, as jax.vmap builds them, are each what they are alone; so are derivatives through them."""
-    motion = nj.motion_of(experiment)
+    motion = nj.lincov.motion_of(experiment)
 
     def build(x):
         return nj.ImuErrors(gj.WN(x[0]) + gj.GM(x[1], 1e-5) + gj.RW(1e-9), gj.WN(3e-6), setups.RATE, gyro_bias_sd=x[2])
@@ -296,7 +297,7 @@ def test_many_truths_and_filters_as_the_last_axis(experiment):
     several = jnp.array([[6e-5, 1e-2, 1e-4], [1e-4, 3e-2, 2e-4], [3e-4, 1e-3, 1e-5]])
     stacked = jax.vmap(build)(several)
     truths, filters, both = (
-        nj.linear_covariance(experiment, *pair, motion=motion)
+        nj.lincov.linear_covariance(experiment, *pair, motion=motion)
         for pair in ((stacked, FILTERS["fewer"]), (TRUTH, stacked), (stacked, stacked))
     )
     for i, x in enumerate(several):
@@ -305,20 +306,20 @@ def test_many_truths_and_filters_as_the_last_axis(experiment):
             (filters, (TRUTH, build(x))),
             (both, (build(x),) * 2),
         ):
-            alone = nj.linear_covariance(experiment, *pair, motion=motion)
+            alone = nj.lincov.linear_covariance(experiment, *pair, motion=motion)
             for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(alone), strict=True):
                 np.testing.assert_allclose(a[i], b, rtol=1e-9, atol=1e-22)
 
     def total(x):
-        found = nj.linear_covariance(experiment, TRUTH, jax.vmap(build)(x), motion=motion)
+        found = nj.lincov.linear_covariance(experiment, TRUTH, jax.vmap(build)(x), motion=motion)
         return jnp.sum(found.true.navigation[:, -1, 0, 0])
 
     def one(x):
-        return nj.linear_covariance(experiment, TRUTH, build(x), motion=motion).true.navigation[-1, 0, 0]
+        return nj.lincov.linear_covariance(experiment, TRUTH, build(x), motion=motion).true.navigation[-1, 0, 0]
 
     np.testing.assert_allclose(jax.jit(jax.grad(total))(several)[1], jax.jit(jax.grad(one))(several[1]), rtol=1e-8)
     with pytest.raises(ValueError, match="3 truths and 2 filters"):
-        nj.linear_covariance(experiment, stacked, jax.vmap(build)(several[:2]))
+        nj.lincov.linear_covariance(experiment, stacked, jax.vmap(build)(several[:2]))
 
 
 @pytest.mark.parametrize(("side", "negative"), [("truth", True), ("filter", True), ("filter", False)])
@@ -329,7 +330,7 @@ def test_a_negative_variance_is_seen(experiment, side, negative):
     def valid(x):
         other = nj.ImuErrors(gj.WN(6e-5) + gj.RW(x), gj.WN(3e-6), setups.RATE)
         pair = (other, TRUTH) if side == "truth" else (TRUTH, other)
-        return nj.linear_covariance(experiment, *pair).valid
+        return nj.lincov.linear_covariance(experiment, *pair).valid
 
     assert bool(valid(-1e-9 if negative else 1e-9).all()) is not negative
 
@@ -337,7 +338,7 @@ def test_a_negative_variance_is_seen(experiment, side, negative):
 def test_second_moments_are_linear_in_the_noise(experiment):
     """Four times the noise, four times the mean squares, with the gains of the same filter."""
     noise, bank = noise_of(experiment, TRUTH), FILTERS["fewer"].bank()
-    motion = nj.motion_of(experiment)
+    motion = nj.lincov.motion_of(experiment)
     compiled = eqx.filter_jit(covariances_along)
     once, twice = (compiled(experiment, motion, n, bank, START).true.navigation for n in (noise, _louder(noise)))
     np.testing.assert_allclose(twice, 4 * once, rtol=1e-9, atol=1e-18)
@@ -395,20 +396,20 @@ def test_results_say_what_they_are(analysis):
 
 def test_states_of_what_is_not_there_are_noted():
     truth = nj.ImuErrors(gj.WN(1e-4), TRUTH.models[3], setups.RATE)
-    c = nj.analyse(nj.static(1.0, setups.RATE), truth, FILTERS["fewer"], aiding=(), every=10)["filter"]
+    c = nj.analyse(nj.motions.static(1.0, setups.RATE), truth, FILTERS["fewer"], aiding=(), every=10)["filter"]
     assert c.notes == ("The filter estimates errors of accel x, accel y, accel z, which truly are white or none.",)
     axis = gj.WN(1e-4) + gj.RW(1e-9)
     truth, believed = (nj.ImuErrors(a, gj.WN(1e-6), setups.RATE) for a in (axis, [axis + gj.GM(0.1, 1e-5), axis, axis]))
-    c = nj.analyse(nj.static(1.0, setups.RATE), truth, believed, aiding=(), every=10)["filter"]
+    c = nj.analyse(nj.motions.static(1.0, setups.RATE), truth, believed, aiding=(), every=10)["filter"]
     assert c.notes == ("The filter has more states for accel x than the truth, which cannot excite all.",)
 
 
 def test_a_start_that_is_known_has_no_nees():
-    c = nj.analyse(nj.static(2.0, setups.RATE), TRUTH, aiding=(), every=10, output_interval=0.1)["filter"]
+    c = nj.analyse(nj.motions.static(2.0, setups.RATE), TRUTH, aiding=(), every=10, output_interval=0.1)["filter"]
     # position is known exactly until noise has gone through twice
     assert np.isfinite(c.nees("velocity")).all()
     c = nj.analyse(
-        nj.static(2.0, setups.RATE), nj.ImuErrors(gj.WN(0.0), gj.WN(1e-6), setups.RATE), aiding=(), every=10
+        nj.motions.static(2.0, setups.RATE), nj.ImuErrors(gj.WN(0.0), gj.WN(1e-6), setups.RATE), aiding=(), every=10
     )["filter"]
     assert np.isnan(c.nees("velocity")).all()
     assert np.isnan(c.coverage("navigation")).all()
@@ -429,4 +430,4 @@ def test_a_start_that_is_known_has_no_nees():
 )
 def test_bad_input(truth, filters, message):
     with pytest.raises(ValueError, match=message):
-        nj.analyse(nj.static(2.0, setups.RATE), truth, filters, aiding=setups.aiding())
+        nj.analyse(nj.motions.static(2.0, setups.RATE), truth, filters, aiding=setups.aiding())

@@ -14,7 +14,7 @@ from nav_jax.filter.status import Status
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
-REFERENCE = nj.lemniscate(6.0, setups.RATE)
+REFERENCE = nj.motions.lemniscate(6.0, setups.RATE)
 ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
 START = nj.InitialUncertainty(0.1, 0.05, 0.005)
 SENSORS = (
@@ -27,9 +27,9 @@ SENSORS = (
 @pytest.fixture(scope="module")
 def emulated():
     """One run of the Monte Carlo, what came of it, and the same numbers as arrays."""
-    e = nj.prepare(REFERENCE, SENSORS, rate=setups.RATE, initial=START)
-    inputs = nj.draw_inputs(e, ERRORS, nj.run_keys(jax.random.key(8), 0, 1))
-    outcome = nj.run_filter(e, ERRORS, inputs)
+    e = nj.filter.prepare(REFERENCE, SENSORS, rate=setups.RATE, initial=START)
+    inputs = nj.filter.draw_inputs(e, ERRORS, nj.filter.run_keys(jax.random.key(8), 0, 1))
+    outcome = nj.filter.run_filter(e, ERRORS, inputs)
     perfect, truth = nj.perfect_imu(REFERENCE, setups.RATE)
     errors = np.zeros((600, 6))
     errors[setups.samples(e)] = np.asarray(setups.given(e, inputs).errors.per_step).reshape(-1, 6)
@@ -135,7 +135,7 @@ def test_a_start_or_an_earth_of_another_class(emulated, options, message, monkey
     with pytest.raises(ValueError, match=f"must be of the class {message}"):
         navigate(emulated, **options)
     with pytest.raises(ValueError, match=f"must be of the class {message}"):
-        nj.prepare(REFERENCE, SENSORS, rate=setups.RATE, **options)
+        nj.filter.prepare(REFERENCE, SENSORS, rate=setups.RATE, **options)
 
 
 @pytest.mark.parametrize(

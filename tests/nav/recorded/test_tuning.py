@@ -34,7 +34,7 @@ SENSORS = (nj.GnssPosition(1.0, horizontal=0.02, vertical=0.04), nj.GnssVelocity
 
 def drive(seed, seconds=SECONDS, truth=TRUTH):
     """A record of sensors with the true noise: IMU, fixes, and the start as far as it is known."""
-    imu, reference = nj.perfect_imu(nj.lemniscate(seconds, RATE), RATE, nj.FlatEarth())
+    imu, reference = nj.perfect_imu(nj.motions.lemniscate(seconds, RATE), RATE, nj.FlatEarth())
     keys = jax.random.split(jax.random.key(seed), 6)
     noise = np.stack([np.asarray(gj.simulate(m, len(imu), key=k)) for m, k in zip(truth.models, keys, strict=True)], 1)
     imu = dataclasses.replace(imu, accel=imu.accel + noise[:, :3], gyro=imu.gyro + noise[:, 3:])
@@ -88,7 +88,7 @@ def test_slopes_are_those_of_differences(record):
         assert found.gradient[i] == pytest.approx(float(slope), rel=1e-5, abs=1e-4)
         curve = (gradients[0] - 8 * gradients[1] + 8 * gradients[2] - gradients[3])[i] / (12 * h)
         assert 0.4 < found.information[i, i] / curve < 2.5
-    assert found.loss == pytest.approx(float(nj.innovation_loss(record, TRUTH, done.sensors)), rel=1e-12)
+    assert found.loss == pytest.approx(float(nj.recorded.innovation_loss(record, TRUTH, done.sensors)), rel=1e-12)
 
 
 def test_the_truth_is_found(tuned):

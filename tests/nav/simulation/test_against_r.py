@@ -31,7 +31,7 @@ def r(shared):
 def ours():
     """R's example: errors that start from zero, an exact start, an outage of 40 s at the end."""
     return nj.compare(
-        nj.lemniscate(300.0, setups.RATE, attitude="navigation"),
+        nj.motions.lemniscate(300.0, setups.RATE, attitude="navigation"),
         setups.imu_errors("right", "zero"),
         {name: setups.imu_errors(name, "zero") for name in MODELS},
         aiding=setups.aiding(260.0, 300.0, first=0.0),

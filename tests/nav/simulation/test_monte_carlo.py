@@ -14,7 +14,7 @@ import nav_jax as nj
 from nav_jax.filter import experiment
 from nav_jax.filter import loop as filter
 
-REFERENCE = nj.lemniscate(5.0, setups.RATE)
+REFERENCE = nj.motions.lemniscate(5.0, setups.RATE)
 RIGHT = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
 WRONG = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE)
 AIDING = setups.aiding(2.5, 4.0)
