@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 import gmwm_jax as gj
 from gmwm_jax.fitting import estimator as fitting
 from gmwm_jax.fitting import refit
-from gmwm_jax.multisignal import joint_fitting
+from gmwm_jax.multisignal import joint as joint_fitting
 from gmwm_jax.multisignal._pool import whitened
 from gmwm_jax.multisignal._refit import joint_refit
 from gmwm_jax.multisignal.joint import one_channel

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 import gmwm_jax as gj
-from gmwm_jax.variance import _blocked as wavelet_host
+from gmwm_jax.variance import blocked as wavelet_host
 from gmwm_jax.variance.blocked import host_wavelet_variance
 from gmwm_jax.variance.haar import (
     check_num_levels,

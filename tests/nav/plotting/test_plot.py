@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.stats
 from matplotlib.collections import PolyCollection
+from nav.simulation.test_comparison import make_reference
 from nav.synthetic import OUTAGE, make_runs, with_failures
-from nav.test_comparison import make_reference
 
 from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis, plot_trajectory
 from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states

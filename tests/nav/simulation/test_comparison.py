@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.stats
 from helpers import SIGMAS
+from nav.simulation.test_runs import assert_same
 from nav.synthetic import make_runs, make_track, with_failures
-from nav.test_runs import assert_same
 
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.ranking import Standing, _judge, _round, _with_se, common_runs
