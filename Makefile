@@ -1,9 +1,9 @@
-# Two commands do everything on a fresh machine: `make demo` and `make test`.
+# Two commands do everything on a fresh machine: `make demo` and `make test`. While working: `make test ROOM=fitting`.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check clean
+.PHONY: demo test validate check clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -15,8 +15,16 @@ demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filter
 	$(BIN)/python -m gmwm_jax demo --out out
 	$(BIN)/python -m nav_jax demo --fits out --out out
 
-test: $(VENV)/.installed  ## the whole test suite
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+# all rooms, or one
+TESTS := $(if $(ROOM),$(wildcard tests/*/$(ROOM)))
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+
+test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only
+	$(if $(ROOM),$(if $(TESTS),,$(error There is no room $(ROOM); see tests/gmwm and tests/nav)))
+	$(PYTEST) $(TESTS)
+
+validate: $(VENV)/.installed  ## statistics against their bands, README and notebooks
+	$(PYTEST) tests/validation
 
 check: $(VENV)/.installed  ## lint, format, types
 	$(BIN)/ruff check .

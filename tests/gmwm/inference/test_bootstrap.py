@@ -1,11 +1,9 @@
 """The parametric bootstrap: its replicates against theory and against full fits, its intervals by coverage."""
 
-from dataclasses import replace
-
 import jax
 import numpy as np
 import pytest
-from helpers import SIGMAS, assert_covariance, assert_mean
+from helpers import assert_covariance, assert_mean
 
 import gmwm_jax as gj
 from gmwm_jax.fitting.refit import refit
@@ -78,48 +76,6 @@ def test_components_keep_their_places():
     np.testing.assert_allclose(boot.values[:, 0], 1e-6)
     median = np.median(boot.values, axis=0)
     np.testing.assert_allclose(np.log(median[1:]), np.log([0.5, 1.0, 0.005, 0.5, 1.0]), atol=0.5)
-
-
-@pytest.mark.slow
-def test_both_routes_and_theory_agree(fit, boot):
-    """Standard deviations of the logs, 4.5 sigma of those of 200 and of 1000 draws; and the means."""
-    records = gj.bootstrap(fit, 200, key=jax.random.key(7), route="records")
-    assert records.num_failed == boot.num_failed == 0
-    fast, slow = np.log(boot.good), np.log(records.good)
-    theory = np.sqrt(np.diag(fit.covariance))
-    np.testing.assert_allclose(
-        np.log(slow.std(axis=0) / fast.std(axis=0)), 0, atol=SIGMAS * np.sqrt(0.5 / 200 + 0.5 / 1000)
-    )
-    np.testing.assert_allclose(np.log(fast.std(axis=0) / theory), 0, atol=SIGMAS * np.sqrt(0.5 / 1000))
-    off = (slow.mean(axis=0) - fast.mean(axis=0)) / np.sqrt(slow.var(axis=0) / 200 + fast.var(axis=0) / 1000)
-    assert np.abs(off).max() < SIGMAS
-    assert_mean(records.variances, fit.fitted)
-
-
-@pytest.mark.slow
-def test_intervals_cover_and_the_test_has_its_size():
-    """200 data sets: 90 % intervals of each kind hold the truth, p below 10 % in 10 %, within 4.5 binomial sigmas.
-
-    The data sets are wavelet variances drawn from theory under the truth; records are compared in another test.
-    """
-    num, level = 200, 0.9
-    exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
-    first = gj.fit(exact, "WN + GM", omega="two-step")
-    true = replace(first, model=TRUTH)
-    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(9), num))
-    fits = gj.fit(as_channels(exact, nu), "WN + GM", omega="two-step")
-    inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
-    truth = np.array([1.0, 0.03, 0.2])
-    for i, f in enumerate(fits.values()):
-        boot = gj.bootstrap(f, 100, key=jax.random.fold_in(jax.random.key(10), i))
-        small += boot.p_value < 0.1
-        for kind in inside:
-            low, high = boot.interval(kind, level)
-            inside[kind] += (low < truth) & (truth < high)
-    band = SIGMAS * np.sqrt(level * (1 - level) / num)
-    for counts in inside.values():
-        assert np.abs(counts / num - level).max() < band
-    assert abs(small / num - 0.1) < band
 
 
 def test_a_wrong_model_is_found(wv):

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from helpers import SIGMAS
 from scipy.special import chdtrc
 
 import gmwm_jax as gj
@@ -156,34 +155,6 @@ def test_a_weak_random_walk_is_not_left_out():
         assert s.recommended.p_value >= 0.01
         if s["WN + GM"].p_value < 0.01:
             assert s.recommended is s["WN + GM + RW"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "truth",
-    [
-        "WN(sigma2=1.0) + GM(beta=0.02, variance=0.1)",
-        "WN(sigma2=1.0) + RW(gamma2=1e-6)",
-        "QN(q2=1.0) + RW(gamma2=1e-6)",
-    ],
-)
-def test_the_truth_is_recommended(truth):
-    """In 90 % of 20 data sets or more."""
-    truth = gj.parse_model(truth)
-    s = gj.select(drawn(truth, 20, 2), SUPERSET)
-    want = Counter(p.kind for p in truth.processes)
-    hits = sum(Counter(p.kind for p in gj.parse_model(x.recommended.name).processes) == want for x in s.values())
-    assert hits >= 18
-
-
-def test_optimism_by_replicates_is_that_of_theory(data):
-    """2 tr of a sample covariance of B replicates around 2 p: standard deviation 2 sqrt(2 p / B)."""
-    num = 200
-    s = gj.select(data["2"], SUPERSET, num_replicates=num, key=jax.random.key(4))
-    c = s["WN + GM"]
-    assert abs(c.optimism - 2 * c.num_parameters) < SIGMAS * 2 * np.sqrt(2 * c.num_parameters / num)
-    assert s.num_replicates == num
-    assert "200 replicates" in repr(s)
 
 
 # -- the result --------------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers import SIGMAS
 from scipy import stats
 
 import gmwm_jax as gj
@@ -134,35 +133,6 @@ def test_what_is_zero_for_all_is_zero_for_each():
     assert comparison.p_value > 1e-3
 
 
-# -- size and power ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_size_and_power():
-    """20 sets of records with the same parameters: both tests are uniform; five with other times: the second rejects.
-
-    Cochran's Q of 3 degrees of freedom has variance 6. The benchmark has 500 sets.
-    """
-    num, Q, p, p_all = 20, [], [], []
-    for b, wvs in enumerate(drawn(num, 3)):
-        fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
-        comparison = gj.multisignal.compare_records(fit)
-        Q.append([s.statistic for s in comparison.spreads])
-        p_all.append(comparison.p_value)
-        p.append(gj.multisignal.near_stationarity(fit, 63, key=jax.random.fold_in(jax.random.key(5), b)).p_value)
-    np.testing.assert_allclose(np.mean(Q, axis=0), 3, atol=SIGMAS * np.sqrt(6 / num))
-    for values in (p, p_all):
-        assert abs(np.mean(values) - 0.5) < SIGMAS / np.sqrt(12 * num)
-        assert np.mean(np.array(values) < 0.05) < 0.05 + SIGMAS * np.sqrt(0.05 * 0.95 / num)
-    found = [
-        gj.multisignal.near_stationarity(
-            gj.fit_records(wvs, "WN + GM", omega="two-step"), 63, key=jax.random.key(b)
-        ).p_value
-        for b, wvs in enumerate(drawn(5, 6, spread=0.7))
-    ]
-    assert np.sum(np.array(found) < 0.05) >= 4
-
-
 # -- near-stationarity ------------------------------------------------------------------------------------------------
 
 
@@ -193,14 +163,6 @@ def test_a_replicate_is_a_joint_fit(records, omega):
             width = {k: nu * getattr(r.wv, k) / r.wv.variance for k in ("ci_low", "ci_high")}
             own.append(replace(r.wv, variance=nu, **width))
         assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", omega=omega).objective, rel=1e-6)
-
-
-def test_both_routes_agree(joint, same_test):
-    """The distribution of the objective (Kolmogorov & Smirnov, p > 1e-5)."""
-    slow = gj.multisignal.near_stationarity(joint, 60, key=jax.random.key(8), route="records")
-    assert slow.num_failed == 0
-    assert stats.ks_2samp(slow.objective, same_test.objective).pvalue > 1e-5
-    assert slow.objective.std() > 0.3 * slow.objective.mean() / np.sqrt(20)
 
 
 def test_replicates_depend_on_their_key_alone(joint, same_test):

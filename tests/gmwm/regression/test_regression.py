@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from helpers import SIGMAS, assert_mean
 
 import gmwm_jax as gj
 from gmwm_jax.variance.blocked import host_wavelet_variance
@@ -146,39 +145,6 @@ def test_coefficients_and_errors_are_those_of_the_fitted_noise(missing, key):
     assert np.all(np.isnan(r.residuals[~present]))
     assert r.num_missing == np.sum(~present)
     assert r.converged
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("model", ["WN(sigma2=1.0) + GM(beta=0.05, variance=1.0)", "WN(sigma2=1.0) + RW(gamma2=0.01)"])
-@pytest.mark.parametrize("missing", [0.0, 0.15])
-def test_bias_and_coverage(model, missing, key):
-    """Intervals of 95 % cover; those of ordinary least squares that takes the noise as white do not.
-
-    Of each record the share of its seven coefficients that are covered counts as one draw, so that their correlation
-    enters the band of 4.5 standard errors, about 9 %. The fitted noise is unbiased, too: the mean over the records of
-    the variance of the white noise and of a step of the random walk, or the level of the GM at its fastest.
-    """
-    num, replicates = 1500, 30
-    regressors, X, _, rng = seasonal_case(num)
-    truth = np.array([5.0, 1e-2, 2.0, -1.0, 0.5, 0.3, 3.0])
-    z, covered, covered_naive, noise = [], [], [], []
-    kinds = " + ".join(p.kind for p in gj.parse_model(model).processes)
-    for one in jax.random.split(key, replicates):
-        y = X @ truth + np.asarray(gj.simulate(model, num, key=one))
-        present = rng.random(num) >= missing
-        r = gj.regress(y, regressors, kinds, rate=2.0, present=present)
-        assert r.converged
-        z.append((r.coefficients.estimates - truth) / r.coefficients.standard_errors)
-        covered.append(np.mean([c.ci_low < b < c.ci_high for c, b in zip(r.coefficients.values(), truth, strict=True)]))
-        A, b = X[present], y[present]
-        residual = b - A @ r.ols.estimates
-        white = np.sqrt(residual @ residual / (len(b) - 7) * np.diag(np.linalg.inv(A.T @ A)))
-        covered_naive.append(np.mean(np.abs(r.ols.estimates - truth) < 1.96 * white))
-        noise.append([float(p.amplitude) for p in r.noise.model.processes])
-    assert_mean(z, np.zeros(7))
-    assert_mean(covered, 0.95)
-    assert np.mean(covered_naive) + SIGMAS * np.std(covered_naive) / np.sqrt(replicates) < 0.8
-    assert_mean(noise, [float(p.amplitude) for p in gj.parse_model(model).processes])
 
 
 def test_a_recording_knows_its_rate_and_unit_and_the_result_prints_itself(key):

@@ -1,7 +1,5 @@
 """Wavelet variance with missing samples: against its definition, its covariance and intervals, and all doors to it."""
 
-from dataclasses import replace
-
 import jax
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,12 +8,10 @@ import scipy.linalg
 from helpers import assert_mean
 
 import gmwm_jax as gj
-from gmwm_jax.fitting.refit import refit
 from gmwm_jax.variance import gap_covariance as theory
 from gmwm_jax.variance.blocked import host_wavelet_variance
 from gmwm_jax.variance.gaps import find_pairs, gap_wavelet_variance, quadratic_forms_times, white_widening
 from gmwm_jax.variance.haar import degrees_of_freedom, interval_factors, scales
-from gmwm_jax.variance.replicates import record_draws
 
 
 def scattered(num, share, seed=0):
@@ -156,39 +152,6 @@ def test_covariance_with_a_drift_and_without_gaps():
     np.testing.assert_allclose(complete, np.asarray(gj.variance.wv_covariance(noise, 200)), rtol=1e-8, atol=1e-12)
 
 
-WALK, WANDERING = "WN(sigma2=1.0) + RW(gamma2=0.005)", "WN(sigma2=1.0) + GM(beta=0.05, variance=1.0)"
-
-
-@pytest.mark.parametrize("share", [0.01, 0.1])
-@pytest.mark.parametrize("pattern", [scattered, blocks])
-@pytest.mark.parametrize("text", [WALK, pytest.param(WANDERING, marks=pytest.mark.slow)])
-def test_coverage(text, pattern, share):
-    """600 records: intervals of the wavelet variance cover 95 % or more, those of the parameters 95 %.
-
-    Four standard errors of a coverage are 3.6 %; those of a standard deviation 12 %.
-    """
-    num, J, count = 2048, 9, 600
-    model, present = gj.parse_model(text), pattern(num, share)
-    keys = jax.random.split(jax.random.key(7), count)
-    records = np.asarray(jax.vmap(lambda k: gj.simulate(model, num, key=k))(keys))
-    nu = gap_wavelet_variance(records, find_pairs(present, J))
-    truth = np.asarray(model.wavelet_variance(scales(J)))
-    wv = gj.wavelet_variance(with_gaps(records[0], present), gaps="pairs", num_levels=J)
-    np.testing.assert_allclose(wv.variance, nu[0], rtol=1e-12)
-    # what the interval of one record is wider by is nearly that of all
-    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
-    assert np.all(np.mean((nu * low < truth) & (truth < nu * high), axis=0) > 0.95 - 0.036)
-
-    fit = gj.fit(wv, " + ".join(p.kind for p in model.processes), omega="two-step")
-    refits = refit(fit, nu)
-    assert np.all(refits.converged)
-    at_truth = replace(fit, model=model)
-    error = np.sqrt(np.diag(at_truth.covariance))
-    z = (np.log(refits.values) - np.asarray(model.unconstrained())) / error
-    covered = np.mean(np.abs(z) < 1.96, axis=0)
-    assert np.all(np.abs(covered - 0.95) < 0.036), covered
-
-
 def test_gaps_widen_intervals_as_the_theory_says():
     """Half of the samples of white noise: 3.5 times the variance at the shortest span, twice that of all scales taken
     together, which is what half of the information costs.
@@ -254,28 +217,6 @@ def test_a_fit_knows_the_gaps(gappy):
     assert gj.goodness_of_fit(fit).p_value > 1e-3
     slopes = gj.fitting.slope_regression(gj.allan_deviation(wv), {"WN": (0.1, 10.0)})
     assert slopes.table["WN", "N"].ci_low > 0
-
-
-def test_replicates_by_records_leave_out_what_is_missing():
-    """Mean and scatter of 600 wavelet variances are those of theory within 4.5 standard errors."""
-    present = scattered(500, 0.4)
-    x = np.random.default_rng(3).standard_normal(500)
-    fit = gj.fit(gj.wavelet_variance(with_gaps(x, present), gaps="pairs", num_levels=4), "WN")
-    nu = record_draws(fit.model, fit.wv)(jax.random.split(jax.random.key(1), 600))
-    assert_mean(nu, fit.fitted)
-    spread = np.std(nu, axis=0) / np.sqrt(np.diag(fit.wv_covariance))
-    np.testing.assert_allclose(spread, 1.0, atol=4.5 / np.sqrt(1200) + 0.03)  # and the error of the theory
-
-
-@pytest.mark.slow
-def test_a_bootstrap_with_gaps():
-    """The scatter of 128 replicates is that of theory within 4.5 standard errors."""
-    x, present = np.random.default_rng(3).standard_normal(500), scattered(500, 0.4)
-    fit = gj.fit(gj.wavelet_variance(with_gaps(x, present), gaps="pairs", num_levels=4), "WN")
-    boot = gj.bootstrap(fit, 128, key=jax.random.key(1), route="records")
-    assert boot.num_failed == 0
-    spread = np.std(np.log(boot.good[:, 0])) / np.sqrt(fit.covariance[0, 0])
-    assert spread == pytest.approx(1.0, abs=4.5 / np.sqrt(256))
 
 
 def test_a_recording_with_gaps(gappy, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 from gmwm.cases import derivative_rows, exact, haar_filter, row_of, rows, sample_covariance, sample_mean
-from helpers import CountTraces, assert_covariance
+from helpers import CountTraces
 
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.drift import DR
@@ -16,11 +16,9 @@ from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.matern import MAT32, MAT52
 from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
-from gmwm_jax.processes.simulation import simulate
 from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.covariance import wv_covariance
-from gmwm_jax.variance.haar import haar_wavelet_variance
 
 SUMS = [
     WN(1.0) + GM(0.01, 0.5),
@@ -151,17 +149,6 @@ def test_long_records_against_sums_over_all_lags_and_positive_definite(model):
     np.testing.assert_array_equal(covariance, covariance.T)
     size = np.sqrt(np.diag(covariance))
     assert np.linalg.eigvalsh(covariance / np.outer(size, size)).min() > (1e-10 if smooth else 1e-6)
-
-
-@pytest.mark.parametrize("model", [SUMS[0], WN(1.0) + RW(1e-3) + DR(5e-3)], ids=repr)
-def test_monte_carlo(model, key):
-    """Sample covariances of 4000 records of N = 512, at all pairs of scales."""
-    draw = jax.jit(jax.vmap(lambda k: haar_wavelet_variance(simulate(model, 512, key=k))))
-    nu = np.asarray(draw(jax.random.split(key, 4000)))
-    mean = np.asarray(model.wavelet_variance(2.0 ** np.arange(1, 9)))
-    j, k = np.tril_indices(8)
-    expected = np.asarray(wv_covariance(model, 512))[j, k]
-    assert_covariance(nu[:, j], nu[:, k], expected, mean_a=mean[j], mean_b=mean[k])
 
 
 def test_large_records_approach_the_chi_square_of_few_degrees():

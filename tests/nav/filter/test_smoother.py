@@ -90,32 +90,6 @@ def test_gains_that_do_not_remember_are_refused(experiment, outcomes):
         nj.filter.run_filter(experiment, ERRORS, inputs, nj.filter.gains_of(experiment, ERRORS), smooth=True)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("gains", ["reference", "estimate"])
-def test_it_is_consistent_and_better(gains):
-    """300 runs: mean NEES within 4.5 standard errors of its scatter, and RMS below the filter's inside the outage."""
-    options = {
-        "aiding": AIDING,
-        "initial": START,
-        "num_runs": 300,
-        "key": jax.random.key(4),
-        "gains": gains,
-        "every": 10,
-    }
-    plain = nj.monte_carlo(REFERENCE, ERRORS, **options)
-    smooth = nj.monte_carlo(REFERENCE, ERRORS, smooth=True, **options)
-    assert [n.startswith("Errors are those of the smoother") for n in smooth.notes] == [True]
-    for group, dof in smooth.dof.items():
-        nees = smooth.nees[group]
-        z = (nees.mean(axis=0) - dof) / (nees.std(axis=0, ddof=1) / np.sqrt(300))
-        assert np.abs(z).max() < 4.5, group
-        assert abs(nees.mean() / dof - 1) < 0.1, group
-    inside = (plain.time > OUTAGE[0]) & (plain.time < OUTAGE[1])
-    rms = [np.sqrt(np.mean(np.sum(r.errors("position") ** 2, axis=2), axis=0)) for r in (plain, smooth)]
-    assert np.all(rms[1][inside] < rms[0][inside])
-    assert rms[1][inside].max() < 0.5 * rms[0][inside].max()
-
-
 def test_navigation_is_smoothed():
     """A record whose sensors are perfect comes back, at outputs and fixes; standard deviations are the smaller."""
     imu, reference = nj.perfect_imu(nj.motions.lemniscate(8.0, setups.RATE), setups.RATE, nj.FlatEarth())

@@ -68,7 +68,6 @@ def assert_close(sigmas):
     assert sigmas.max() < SIGMAS, f"{sigmas.max():.2f} sigma at {1 + sigmas.argmax()} s"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_mean_errors(ours, r, name):
     error, expected = ours.runs[name].error, r[MODELS[name]]
@@ -77,7 +76,6 @@ def test_mean_errors(ours, r, name):
     assert_close(sigmas_of_mean(curve(expected, "mean_orientation_err_deg"), turned))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_rms_of_each_component(ours, r, name):
     """Nine mean squares; R's angles are roll, pitch, yaw."""
@@ -95,14 +93,12 @@ def test_rms_of_each_component(ours, r, name):
         assert_close(sigmas_of_mean(rms[i] ** 2, error[..., column] ** 2))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_nees(ours, r, name):
     for theirs, group in (("1_3", "position"), ("1_6", "pose"), ("1_9", "navigation")):
         assert_close(sigmas_of_mean(curve(r[MODELS[name]], f"nees_idx{theirs}"), ours.runs[name].nees[group]))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_coverage(ours, r, name):
     for level, theirs, group in (("0.70", "1_6", "pose"), ("0.95", "1_6", "pose"), ("0.95", "1_3", "position")):

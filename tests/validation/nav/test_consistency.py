@@ -38,7 +38,6 @@ def share_in_band(values, dof):
     return np.mean((low <= mean) & (mean <= high))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("group", ["position", "velocity", "attitude", "pose", "navigation", "sensors"])
 def test_nees_is_in_its_band(runs, group):
     """At 88-99 % of the epochs, in and out of the outage; its mean at 4.5 sigma of its scatter over runs."""
@@ -50,7 +49,6 @@ def test_nees_is_in_its_band(runs, group):
         assert abs(mean.mean() - dof) < 4.5 * mean.std(ddof=1) / np.sqrt(NUM_RUNS)
 
 
-@pytest.mark.slow
 def test_innovations_are_white_and_of_the_stated_size(runs):
     """NIS in its band, and no correlation of normalised innovations from fix to fix (4.5 sigma)."""
     for name, nis in runs.nis.items():
@@ -66,7 +64,6 @@ def test_innovations_are_white_and_of_the_stated_size(runs):
             assert np.abs(together.mean(axis=0)).max() < band
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.7, 0.95])
 def test_coverage_is_what_it_says(runs, level):
     """Averaged over epochs before the outage and in it; the scatter over runs makes the band, 4.5 sigma."""
@@ -77,7 +74,6 @@ def test_coverage_is_what_it_says(runs, level):
             assert abs(share.mean() - level) < 4.5 * share.std(ddof=1) / np.sqrt(NUM_RUNS)
 
 
-@pytest.mark.slow
 def test_standard_deviations_are_those_of_the_errors(runs):
     """Of all 15 components at the end: variance ratios in their chi-square band at 4.5 sigma."""
     ratio = np.mean(runs.error[:, -1] ** 2 / runs.sd[:, -1] ** 2, axis=0)

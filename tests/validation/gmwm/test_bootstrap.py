@@ -1,0 +1,82 @@
+"""The bootstrap: its replicates against theory, its intervals by coverage."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from helpers import SIGMAS, assert_mean
+
+import gmwm_jax as gj
+from gmwm_jax.variance.replicates import variance_draws
+
+TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
+
+
+NUM_SAMPLES = 20_000
+
+
+def as_channels(wv, variances):
+    """Wavelet variances (B, J) as channels, with the relative intervals of another."""
+    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
+    names = tuple(str(i) for i in range(len(variances)))
+    columns = (variances.T, (variances * low).T, (variances * high).T)
+    return gj.variance.WaveletVariance(
+        wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances)
+    )
+
+
+@pytest.fixture(scope="module")
+def wv():
+    x = gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(5))
+    return gj.wavelet_variance(np.asarray(x), rate=100.0)
+
+
+@pytest.fixture(scope="module")
+def fit(wv):
+    return gj.fit(wv, "WN + GM", omega="two-step")
+
+
+@pytest.fixture(scope="module")
+def boot(fit):
+    return gj.bootstrap(fit, 1000, key=jax.random.key(6))
+
+
+def test_both_routes_and_theory_agree(fit, boot):
+    """Standard deviations of the logs, 4.5 sigma of those of 200 and of 1000 draws; and the means."""
+    records = gj.bootstrap(fit, 200, key=jax.random.key(7), route="records")
+    assert records.num_failed == boot.num_failed == 0
+    fast, slow = np.log(boot.good), np.log(records.good)
+    theory = np.sqrt(np.diag(fit.covariance))
+    np.testing.assert_allclose(
+        np.log(slow.std(axis=0) / fast.std(axis=0)), 0, atol=SIGMAS * np.sqrt(0.5 / 200 + 0.5 / 1000)
+    )
+    np.testing.assert_allclose(np.log(fast.std(axis=0) / theory), 0, atol=SIGMAS * np.sqrt(0.5 / 1000))
+    off = (slow.mean(axis=0) - fast.mean(axis=0)) / np.sqrt(slow.var(axis=0) / 200 + fast.var(axis=0) / 1000)
+    assert np.abs(off).max() < SIGMAS
+    assert_mean(records.variances, fit.fitted)
+
+
+def test_intervals_cover_and_the_test_has_its_size():
+    """200 data sets: 90 % intervals of each kind hold the truth, p below 10 % in 10 %, within 4.5 binomial sigmas.
+
+    The data sets are wavelet variances drawn from theory under the truth; records are compared in another test.
+    """
+    num, level = 200, 0.9
+    exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
+    first = gj.fit(exact, "WN + GM", omega="two-step")
+    true = replace(first, model=TRUTH)
+    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(9), num))
+    fits = gj.fit(as_channels(exact, nu), "WN + GM", omega="two-step")
+    inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
+    truth = np.array([1.0, 0.03, 0.2])
+    for i, f in enumerate(fits.values()):
+        boot = gj.bootstrap(f, 100, key=jax.random.fold_in(jax.random.key(10), i))
+        small += boot.p_value < 0.1
+        for kind in inside:
+            low, high = boot.interval(kind, level)
+            inside[kind] += (low < truth) & (truth < high)
+    band = SIGMAS * np.sqrt(level * (1 - level) / num)
+    for counts in inside.values():
+        assert np.abs(counts / num - level).max() < band
+    assert abs(small / num - 0.1) < band
