@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from nav_jax.filter.error_model import Motion
+from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.linalg import symmetrise
@@ -42,7 +43,7 @@ class Update(NamedTuple):
 
 def mechanise(
     state: NavState,
-    imu: Float[Array, "n 6 R"],
+    imu: Float[Array, "n ch R"],
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
@@ -56,7 +57,7 @@ def mechanise(
 
 def mechanise_with_motion(
     state: NavState,
-    imu: Float[Array, "n 6 R"],
+    imu: Float[Array, "n ch R"],
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
@@ -92,7 +93,7 @@ def _piece(state, sample, dt, ends, bank, g_n):
 
 
 def update(
-    P: Float[Array, "n n Q"], H: Float[Array, "K 9"], variance: Float[Array, " K"], valid: Float[Array, " K"]
+    P: Float[Array, "n n Q"], H: Float[Array, "K nav"], variance: Float[Array, " K"], valid: Float[Array, " K"]
 ) -> tuple[Float[Array, "n n Q"], Update]:
     """Take K scalar measurements into a covariance, in turn.
 
@@ -108,14 +109,16 @@ def update(
         1 where there is a measurement, 0 where there is none.
     """
 
+    seen = H.shape[1]
+
     def scalar(P, inputs):
         h, r, is_valid = inputs
-        u = jnp.sum(h[:, None, None] * P[:9], axis=0)  # P H'
-        s = jnp.sum(h[:, None] * u[:9], axis=0) + r
+        u = jnp.sum(h[:, None, None] * P[:seen], axis=0)  # P H'
+        s = jnp.sum(h[:, None] * u[:seen], axis=0) + r
         K = is_valid * u / s[None]
         # (1 - K H) P (1 - K H)' + K r K'
         left = P - K[:, None] * u[None]
-        right = jnp.sum(h[None, :, None] * left[:, :9], axis=1)
+        right = jnp.sum(h[None, :, None] * left[:, :seen], axis=1)
         return left - right[:, None] * K[None] + r * K[:, None] * K[None], Update(K, s)
 
     P, done = jax.lax.scan(scalar, P, (H, variance, valid))
@@ -123,13 +126,15 @@ def update(
 
 
 def correction(
-    gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K 9"]
+    gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K nav"]
 ) -> tuple[Float[Array, "n R"], Float[Array, "K R"]]:
     """The correction z - h(x) asks for, scalar after scalar, and the innovations: residuals given those before."""
 
+    seen = H.shape[1]
+
     def scalar(c, inputs):
         K, nu, h = inputs
-        innovation = nu - jnp.sum(h[:, None] * c[:9], axis=0)
+        innovation = nu - jnp.sum(h[:, None] * c[:seen], axis=0)
         return c + K * innovation[None], innovation
 
     zero = jnp.zeros((gain.shape[1], residual.shape[1]))
@@ -138,5 +143,5 @@ def correction(
 
 def inject(state: NavState, c: Float[Array, "n R"]) -> NavState:
     """Correct the estimate: c is minus the estimated error."""
-    q = quat_multiply(quat_from_rotvec(c[6:9]), state.q)
-    return NavState(state.p + c[:3], state.v + c[3:6], q, state.x + c[9:])
+    q = quat_multiply(quat_from_rotvec(c[ATTITUDE]), state.q)
+    return NavState(state.p + c[POSITION], state.v + c[VELOCITY], q, state.x + c[NAVIGATION.size :])

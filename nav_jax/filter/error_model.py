@@ -15,7 +15,7 @@ over the step, where x is the error of the sensor states, and
 with L = (T S_1 - S_2)/T. This is the transition to second order in the rotation within the step and to the second
 integral of the sensor errors; E, the integral of a Markov state over the step, is exact (`sensor_bank`).
 
-Covariance blocks: N (navigation, 9 x 9), S (navigation with sensor states), B (sensor states); runs are the last axis.
+Covariance blocks: N (navigation), S (navigation with sensor states), B (sensor states); runs are the last axis.
 """
 
 from typing import NamedTuple
@@ -23,6 +23,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import StepNoise
 from nav_jax.kinematics.linalg import matmul3, transpose
 from nav_jax.kinematics.rotation import cross
@@ -31,8 +32,8 @@ from nav_jax.kinematics.rotation import cross
 class Covariance(NamedTuple):
     """The covariance of the error state in blocks; the lower left one is the transpose of S."""
 
-    navigation: Float[Array, "9 9 R"]
-    mixed: Float[Array, "9 M R"]
+    navigation: Float[Array, "nav nav R"]
+    mixed: Float[Array, "nav M R"]
     sensors: Float[Array, "M M R"]
 
 
@@ -52,7 +53,8 @@ def full(P: Covariance) -> Float[Array, "n n R"]:
 
 def blocks(P: Float[Array, "n n R"]) -> Covariance:
     """Inverse of `full`."""
-    return Covariance(P[:9, :9], P[:9, 9:], P[9:, 9:])
+    k = NAVIGATION.size
+    return Covariance(P[:k, :k], P[:k, k:], P[k:, k:])
 
 
 class _Step:
@@ -64,8 +66,8 @@ class _Step:
         self.lever = self.S_1 - self.S_2 * noise.inverse_duration
 
     def A(self, X: Array) -> Array:
-        """Navigation errors to navigation errors; X (9, K, R)."""
-        p, v, psi = X[:3], X[3:6], X[6:]
+        """Navigation errors to navigation errors; X (nav, K, R)."""
+        p, v, psi = X[POSITION], X[VELOCITY], X[ATTITUDE]
         return jnp.concatenate([p + self.T * v - cross(self.S_2[:, None], psi), v - cross(self.S_1[:, None], psi), psi])
 
     def G(self, y: Array) -> Array:
@@ -82,7 +84,8 @@ class _Step:
 def transition(X: Float[Array, "n K R"], motion: Motion, noise: StepNoise) -> Float[Array, "n K R"]:
     """Phi X: errors of navigation and sensor states after a covariance step."""
     step = _Step(motion, noise)
-    return jnp.concatenate([step.A(X[:9]) + step.H(X[9:]), transpose(noise.carry(transpose(X[9:])))])
+    navigation, sensors = X[: NAVIGATION.size], X[NAVIGATION.size :]
+    return jnp.concatenate([step.A(navigation) + step.H(sensors), transpose(noise.carry(transpose(sensors)))])
 
 
 def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
@@ -94,13 +97,13 @@ def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
     half_a, half_g = (matmul3(C * r[None], transpose(C)) / 2 for r in (noise.integrated[:3], noise.integrated[3:]))
 
     def add_half(N: Array) -> Array:
-        return N.at[3:6, 3:6].add(half_a).at[6:9, 6:9].add(half_g)
+        return N.at[VELOCITY, VELOCITY].add(half_a).at[ATTITUDE, ATTITUDE].add(half_g)
 
     # [A H] [N S; S' B] = [W U], and from the right with [A H]'
     W, U = step.A(add_half(P.navigation)) + step.H(transpose(P.mixed)), step.A(P.mixed) + step.H(P.sensors)
     N = add_half(transpose(step.A(transpose(W)) + step.H(transpose(U))))
     S = noise.carry(U)
     if noise.several:
-        N = N.at[:3, :3].add(2 * noise.second_integral * half_a)
+        N = N.at[POSITION, POSITION].add(2 * noise.second_integral * half_a)
         S = S + step.G(noise.cross)
     return Covariance(N, S, noise.advance(P.sensors))

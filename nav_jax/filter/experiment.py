@@ -20,11 +20,12 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.ekf import NavState, inject
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.loop import Gains, Inputs, Outcome, Timeline, reference_gains, run_estimate, run_reference
+from nav_jax.filter.layout import NAVIGATION
+from nav_jax.filter.loop import reference_gains, run_estimate, run_reference
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
-from nav_jax.imu.bank import SensorBank
+from nav_jax.filter.timeline import Gains, Inputs, Outcome, Timeline, start_covariance, timeline_of
 from nav_jax.imu.emulation import emulate, stream
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu, perfect_imu
@@ -126,33 +127,6 @@ class Setup:
         )
 
 
-def timeline_of(
-    imu: Imu,
-    schedule: Schedule,
-    sensors: Sequence[AbstractAiding],
-    fix_segments: Sequence[Int[np.ndarray, " _"]],
-    truth: Truth,
-    g_n: Float[Array, "3 1"],
-) -> Timeline:
-    """The schedule of a run with its IMU, as arrays."""
-    M, G = schedule.pattern.shape
-    # pieces that fill up after the last sample take any
-    samples = np.minimum(schedule.samples, len(imu) - 1)
-    sizes = [len(s.axes) for s in sensors]
-    valid = np.zeros((M, sum(sizes)))
-    for at, size, segments in zip(np.cumsum([0, *sizes]), sizes, fix_segments, strict=False):
-        valid[segments, at : at + size] = 1.0
-    return Timeline(
-        imu=jnp.asarray(np.concatenate([imu.accel, imu.gyro], axis=1)[samples].reshape(M, G, -1, 6)),
-        pattern=jnp.asarray(schedule.pattern),
-        dt=jnp.asarray(schedule.dt),
-        ends=jnp.asarray(schedule.ends),
-        truth=truth,
-        valid=jnp.asarray(valid),
-        g_n=g_n,
-    )
-
-
 def prepare(
     reference: Trajectory,
     aiding: Sequence[AbstractAiding],
@@ -204,7 +178,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     timeline = experiment.timeline
     M, num_runs = timeline.pattern.shape[0], keys.shape[0]
     errors = emulate(truth, keys, experiment.num_samples, timeline.ends[timeline.pattern])
-    deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (9,)), out_axes=1)(keys)
+    deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (NAVIGATION.size,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
     z = []
@@ -263,11 +237,6 @@ def run_filter(
     else:
         outcome = run_reference(timeline, bank, sensors, inputs, gains, trace=trace)
     return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
-
-
-def start_covariance(initial: InitialUncertainty, bank: SensorBank) -> Float[Array, "n n"]:
-    """Covariance of the error state at the start."""
-    return jax.scipy.linalg.block_diag(initial.covariance, bank.initial)
 
 
 def run_keys(key: Key[Array, ""], first: int, last: int) -> Key[Array, " R"]:

@@ -9,6 +9,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from nav_jax.filter.layout import NAVIGATION
 
 
 class InitialUncertainty(eqx.Module):
@@ -27,7 +28,7 @@ class InitialUncertainty(eqx.Module):
         A negative standard deviation, or a matrix that is not symmetric and positive semi-definite.
     """
 
-    covariance: Float[Array, "9 9"]
+    covariance: Float[Array, "nav nav"]
 
     def __init__(
         self,
@@ -39,18 +40,20 @@ class InitialUncertainty(eqx.Module):
     ):
         given = {"position_sd": position_sd, "velocity_sd": velocity_sd, "attitude_sd": attitude_sd}
         if covariance is None:
-            for name, value in given.items():
+            for block in NAVIGATION.blocks:
+                name, value = block.start, given[block.start]
                 positive(name, value, zero_ok=True)
-                if np.shape(value) not in ((), (3,)):
+                if np.shape(value) not in ((), (block.size,)):
                     raise ValueError(f"{name} is one number or three, and has the shape {np.shape(value)}.")
-            sd = jnp.concatenate([jnp.broadcast_to(as_float(value), (3,)) for value in given.values()])
+            sd = jnp.concatenate([jnp.broadcast_to(as_float(given[b.start]), (b.size,)) for b in NAVIGATION.blocks])
             self.covariance = jnp.diag(sd**2)
             return
         if any(concrete(v) is None or np.any(concrete(v)) for v in given.values()):
             raise ValueError("Give standard deviations or the covariance of the initial error, not both.")
         self.covariance = as_float(covariance)
-        if self.covariance.shape != (9, 9):
-            raise ValueError(f"The covariance of the initial error is (9, 9), and this one {self.covariance.shape}.")
+        wanted = (NAVIGATION.size, NAVIGATION.size)
+        if self.covariance.shape != wanted:
+            raise ValueError(f"The covariance of the initial error is {wanted}, and this one {self.covariance.shape}.")
         seen = concrete(self.covariance)
         if seen is None:
             return

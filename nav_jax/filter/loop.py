@@ -6,80 +6,19 @@ the reference, whose gains all runs share; to first order in the errors the same
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.ekf import NavState, Update, correction, inject, mechanise, mechanise_with_motion, update
+from nav_jax.filter.ekf import NavState, correction, inject, mechanise, mechanise_with_motion, update
 from nav_jax.filter.error_model import blocks, full, propagate, transition
-from nav_jax.filter.score import Claim, Judgement, Truth, claim, judge
+from nav_jax.filter.layout import NAVIGATION
+from nav_jax.filter.score import Truth, claim, judge
 from nav_jax.filter.status import Status
+from nav_jax.filter.timeline import Gains, Inputs, Memory, Outcome, Timeline
 from nav_jax.imu.bank import SensorBank, alone, step_noises
-from nav_jax.imu.emulation import AbstractErrors
-
-
-class Timeline(eqx.Module):
-    """A run's schedule and what all runs share, as arrays; M segments of G steps of n pieces."""
-
-    imu: Float[Array, "M G n 6"]
-    """Perfect sensors."""
-    pattern: Int[Array, "M G"]
-    dt: Float[Array, "U n"]
-    ends: Float[Array, "U n"]
-    truth: Truth
-    """At the end of each segment."""
-    valid: Float[Array, "M K"]
-    """1 where a scalar is measured at the end of a segment."""
-    g_n: Float[Array, "3 1"]
-
-
-class Inputs(NamedTuple):
-    """What R runs are given."""
-
-    start: NavState
-    errors: AbstractErrors
-    """Added to the perfect sensors."""
-    z: Float[Array, "M K R"]
-    """Measurements; anything where there are none."""
-
-
-class Memory(NamedTuple):
-    """What a smoother wants of each of the M segments."""
-
-    P: Float[Array, "M n n Q"]
-    """Covariance at its end, after the update."""
-    gain: Float[Array, "M K n Q"]
-    """Of that update, see `Update`."""
-    transition: Float[Array, "M n n Q"]
-    """From its beginning to its end, before the update."""
-
-
-class Outcome(NamedTuple):
-    """What comes out, at the end of each of the M segments."""
-
-    judgement: Judgement
-    innovation: Float[Array, "M K R"]
-    variance: Float[Array, "M K Q"]
-    """Of the innovations."""
-    status: Int[Array, " R"]
-    state: NavState
-    """The estimate."""
-    trace: Any
-    """The estimate after each covariance step, or None."""
-    memory: Memory | None
-    """If it was asked for."""
-
-
-class Gains(NamedTuple):
-    """What all runs share with `run_reference`, at the end of each of the M segments."""
-
-    update: Update
-    claim: Claim
-    memory: Memory | None
-
 
 Sensors = tuple[AbstractAiding, ...]
 
@@ -246,9 +185,9 @@ def _identity(P: Float[Array, "n n"], num: int) -> Float[Array, "n n Q"]:
     return jnp.broadcast_to(jnp.eye(P.shape[0])[:, :, None], (*P.shape, num))
 
 
-def stacked(sensors: Sensors) -> tuple[Float[Array, "K 9"], Float[Array, " K"]]:
+def stacked(sensors: Sensors) -> tuple[Float[Array, "K nav"], Float[Array, " K"]]:
     """H of all scalars, and the variances that the filter believes."""
-    none = [jnp.zeros((0, 9))], [jnp.zeros(0)]
+    none = [jnp.zeros((0, NAVIGATION.size))], [jnp.zeros(0)]
     H = jnp.concatenate(none[0] + [s.jacobian() for s in sensors])
     return H, jnp.concatenate(none[1] + [s.believed**2 for s in sensors])
 

@@ -7,9 +7,13 @@ from jaxtyping import Array, Float
 
 from nav_jax.filter.ekf import NavState
 from nav_jax.filter.error_model import Covariance
+from nav_jax.filter.layout import ATTITUDE, GROUPS, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank, by_channel
 from nav_jax.kinematics.linalg import root, transpose, whiten
 from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
+
+
+_POSE = len(NAVIGATION.columns(*GROUPS["pose"]))
 
 
 class Truth(NamedTuple):
@@ -23,19 +27,19 @@ class Truth(NamedTuple):
 class Claim(NamedTuple):
     """What a filter says of its errors: of navigation, and of the errors of the six channels."""
 
-    navigation: Float[Array, "9 9 Q"]
-    sensors: Float[Array, "6 6 Q"]
+    navigation: Float[Array, "nav nav Q"]
+    sensors: Float[Array, "ch ch Q"]
 
 
 class Judgement(NamedTuple):
     """Errors and normalised squared errors (NEES) of R runs."""
 
-    error: Float[Array, "15 R"]
+    error: Float[Array, "col R"]
     """Estimate minus truth: position, velocity, attitude, six channels."""
-    sd: Float[Array, "15 Q"]
+    sd: Float[Array, "col Q"]
     position_covariance: Float[Array, "3 3 Q"]
-    nees: Float[Array, "6 R"]
-    """Of position, velocity, attitude, pose, navigation, sensors; NaN where the covariance is singular."""
+    nees: Float[Array, "groups R"]
+    """Of `GROUPS`; NaN where the covariance is singular."""
 
 
 def claim(P: Covariance, banks: SensorBank) -> Claim:
@@ -45,7 +49,7 @@ def claim(P: Covariance, banks: SensorBank) -> Claim:
     return Claim(P.navigation, by_channel(banks.channels, h * transpose(rows)))
 
 
-def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting: Float[Array, "6 R"]) -> Judgement:
+def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting: Float[Array, "ch R"]) -> Judgement:
     """Compare an estimate with the truth."""
     psi = quat_to_rotvec(quat_multiply(state.q, quat_conjugate(jnp.broadcast_to(truth.q, state.q.shape))))
     sensors = bank.errors(state.x) - lasting
@@ -53,17 +57,20 @@ def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting
     N = claim.navigation
     variance = jnp.concatenate([_diagonal(N), _diagonal(claim.sensors)])
     # the factor of a matrix holds those of its leading blocks: position, pose, navigation at once
-    order = jnp.array([0, 1, 2, 6, 7, 8, 3, 4, 5])
+    order = jnp.array(NAVIGATION.columns("position", "attitude", "velocity"))
     y = jnp.cumsum(whiten(N[order][:, order], error[order]) ** 2, axis=0)
-    velocity = jnp.sum(whiten(N[3:6, 3:6], error[3:6]) ** 2, axis=0)
-    attitude = jnp.sum(whiten(N[6:9, 6:9], error[6:9]) ** 2, axis=0)
+    velocity = jnp.sum(whiten(N[VELOCITY, VELOCITY], error[VELOCITY]) ** 2, axis=0)
+    attitude = jnp.sum(whiten(N[ATTITUDE, ATTITUDE], error[ATTITUDE]) ** 2, axis=0)
     seen = jnp.array(sorted(set(bank.channels)), dtype=int)
     if len(seen):
         of_sensors = jnp.sum(whiten(claim.sensors[seen][:, seen], sensors[seen]) ** 2, axis=0)
     else:
         of_sensors = jnp.full_like(velocity, jnp.nan)
-    nees = jnp.stack([y[2], velocity, attitude, y[5], y[8], of_sensors])
-    return Judgement(error, root(variance), N[:3, :3], nees)
+    known = {
+        "position": y[POSITION.stop - 1], "velocity": velocity, "attitude": attitude, "pose": y[_POSE - 1], "navigation": y[-1],
+        "sensors": of_sensors,
+    }  # fmt: skip
+    return Judgement(error, root(variance), N[POSITION, POSITION], jnp.stack([known[group] for group in GROUPS]))
 
 
 def _diagonal(P: Float[Array, "K K Q"]) -> Float[Array, "K Q"]:

@@ -17,8 +17,10 @@ from jaxtyping import Float
 
 from nav_jax.filter.ekf import NavState, inject
 from nav_jax.filter.error_model import blocks
-from nav_jax.filter.loop import Memory, Outcome, Sensors, Timeline, stacked
+from nav_jax.filter.layout import ON_CHANNELS
+from nav_jax.filter.loop import Sensors, stacked
 from nav_jax.filter.score import Truth, claim, judge
+from nav_jax.filter.timeline import Memory, Outcome, Timeline
 from nav_jax.imu.bank import SensorBank, alone
 from nav_jax.kinematics.linalg import symmetrise
 
@@ -35,7 +37,7 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
     if memory is None:
         raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, believed, smooth=True).")
     state, P = smooth_events(timeline.valid, stacked(sensors)[0], outcome)
-    lasting = jax.vmap(bank.errors)(outcome.state.x) - outcome.judgement.error[:, 9:]
+    lasting = jax.vmap(bank.errors)(outcome.state.x) - outcome.judgement.error[:, ON_CHANNELS]
 
     def one(state: NavState, P: Array, truth: Truth, lasting: Array):
         return judge(state, claim(blocks(P), alone(bank)), bank, truth, lasting)
@@ -45,7 +47,7 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
 
 
 def smooth_events(
-    valid: Float[Array, "M K"], H: Float[Array, "K 9"], outcome: Outcome
+    valid: Float[Array, "M K"], H: Float[Array, "K nav"], outcome: Outcome
 ) -> tuple[NavState, Float[Array, "M n n Q"]]:
     """Smoothed estimate of each run and its covariance at the end of each segment.
 
@@ -61,7 +63,7 @@ def smooth_events(
     memory: Memory = outcome.memory  # type: ignore[assignment]
     n, num_covariances = memory.P.shape[1], memory.P.shape[3]
     num_runs = outcome.innovation.shape[2]
-    h_whole = jnp.pad(H, ((0, 0), (0, n - 9)))
+    h_whole = jnp.pad(H, ((0, 0), (0, n - H.shape[1])))
 
     def scalar(carry, given):
         lam, Lam = carry

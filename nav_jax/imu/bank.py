@@ -32,7 +32,7 @@ class SensorBank(eqx.Module):
     readout: Float[Array, " M"]
     initial: Float[Array, "M M"]
     """Covariance of x at the start."""
-    white: Float[Array, "6"]
+    white: Float[Array, " ch"]
     """Variance of v of each channel."""
     rate: Float[Array, ""]
     """Hz."""
@@ -45,7 +45,7 @@ class SensorBank(eqx.Module):
         """The channel of each state."""
         return tuple(s.channel for s in self.states)
 
-    def errors(self, x: Float[Array, "M *R"]) -> Float[Array, "6 *R"]:
+    def errors(self, x: Float[Array, "M *R"]) -> Float[Array, "ch *R"]:
         """The error of each channel without its white part."""
         return by_channel(self.channels, self.readout.reshape(-1, *(1,) * (x.ndim - 1)) * x)
 
@@ -67,9 +67,9 @@ class StepNoise(eqx.Module):
     """Phi over the step: its diagonal where `diagonal`."""
     weights: Float[Array, "M Q"]
     """Of the states in y."""
-    integrated: Float[Array, "6 Q"]
+    integrated: Float[Array, "ch Q"]
     """Variance of the noise in y."""
-    cross: Float[Array, "6 M Q"]
+    cross: Float[Array, "ch M Q"]
     """Covariance of the noise in y with that in x."""
     driving: Float[Array, "M M Q"]
     """Covariance of the noise in x."""
@@ -80,7 +80,7 @@ class StepNoise(eqx.Module):
     several: bool = eqx.field(static=True)
     """More than one sample in a step."""
 
-    def integrate(self, X: Float[Array, "M K R"]) -> Float[Array, "6 K R"]:
+    def integrate(self, X: Float[Array, "M K R"]) -> Float[Array, "ch K R"]:
         """Weighted sum over the states of each channel."""
         return by_channel(self.channels, self.weights[:, None] * X)
 
@@ -98,7 +98,7 @@ class StepNoise(eqx.Module):
         return jnp.einsum("imr,mnr,jnr->ijr", Phi, B, Phi) + self.driving
 
 
-def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"]) -> Float[Array, "6 *K"]:
+def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"]) -> Float[Array, "ch *K"]:
     """Sum over the states of each channel; 0 for a channel without state."""
     rest = X.shape[1:]
     total = jnp.zeros((len(CHANNELS), *rest), X.dtype)

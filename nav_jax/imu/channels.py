@@ -5,14 +5,17 @@ from typing import NamedTuple
 CHANNELS = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
 """The six sensitive axes of an IMU, in the order of every array of sensor errors."""
 
+NO_CHANNEL = -1
+"""Channel of a state that no axis of the IMU reads, such as one of an aiding sensor."""
+
 
 class SensorState(NamedTuple):
     """One state of a sensor error model."""
 
     channel: int
-    """Position in `CHANNELS`."""
+    """Position in `CHANNELS`, or `NO_CHANNEL`."""
     label: str
     """The process, as `GM_1`."""
 
     def __str__(self) -> str:
-        return f"{CHANNELS[self.channel]} {self.label}"
+        return self.label if self.channel == NO_CHANNEL else f"{CHANNELS[self.channel]} {self.label}"

@@ -41,28 +41,28 @@ class AbstractErrors(eqx.Module):
         """What is carried from step to step."""
 
     @abstractmethod
-    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n 6 R"]]:
+    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n ch R"]]:
         """Errors that are added to the perfect sensors over a step; `ends` is 1 where a piece ends its sample."""
 
     @abstractmethod
-    def lasting(self, carry: Any, given: Any) -> Float[Array, "6 R"]:
+    def lasting(self, carry: Any, given: Any) -> Float[Array, "ch R"]:
         """The part with a memory now: what filter states could estimate. NaN where nobody knows."""
 
 
 class GivenErrors(AbstractErrors):
     """Errors as arrays."""
 
-    per_step: Float[Array, "M G n 6 R"]
-    per_segment: Float[Array, "M 6 R"]
+    per_step: Float[Array, "M G n ch R"]
+    per_segment: Float[Array, "M ch R"]
 
     def begin(self) -> None:
         """Nothing is carried."""
 
-    def step(self, carry: None, ends: Float[Array, " n"], given: Float[Array, "n 6 R"]) -> tuple[None, Array]:
+    def step(self, carry: None, ends: Float[Array, " n"], given: Float[Array, "n ch R"]) -> tuple[None, Array]:
         """Those given."""
         return carry, given
 
-    def lasting(self, carry: None, given: Float[Array, "6 R"]) -> Float[Array, "6 R"]:
+    def lasting(self, carry: None, given: Float[Array, "ch R"]) -> Float[Array, "ch R"]:
         """Those given."""
         return given
 
@@ -73,13 +73,13 @@ class DrawnErrors(AbstractErrors):
     bank: SensorBank
     gain: Float[Array, "S *S"]
     """Factor of the covariance of the states' noise: its diagonal where the bank is diagonal."""
-    white: Float[Array, "6 1"]
+    white: Float[Array, "ch 1"]
     x: Float[Array, "S R"]
     """States at the first sample."""
-    total: Float[Array, "6 R"]
+    total: Float[Array, "ch R"]
     """Errors of the first sample."""
     keys: UInt32[Array, "2 R"]
-    per_step: Float[Array, "M G n 6 R"] | None
+    per_step: Float[Array, "M G n ch R"] | None
     """Errors of the processes without a state."""
     streams: tuple[int, ...] = eqx.field(static=True)
     per_segment: None = None
@@ -92,7 +92,7 @@ class DrawnErrors(AbstractErrors):
     def _normals(self, t: UInt32[Array, ""]) -> Array:
         return normals(self.keys, np.array(self.streams, dtype=np.uint32), t)
 
-    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n 6 R"]]:
+    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n ch R"]]:
         """Draw the next samples."""
         size = len(self.bank.states)
 
@@ -113,7 +113,7 @@ class DrawnErrors(AbstractErrors):
             carry, errors = jax.lax.scan(piece, carry, ends)
         return carry, errors if given is None else errors + given
 
-    def lasting(self, carry: Any, given: None) -> Float[Array, "6 R"]:
+    def lasting(self, carry: Any, given: None) -> Float[Array, "ch R"]:
         """Errors of the states."""
         return self.bank.errors(carry[0])
 
@@ -121,7 +121,7 @@ class DrawnErrors(AbstractErrors):
 class SlicedErrors(AbstractErrors):
     """Errors cut from a recording."""
 
-    record: Float[Array, "K 6"]
+    record: Float[Array, "K ch"]
     first: Int[Array, " R"]
     """Sample of the recording at which each run starts."""
     per_step: None = None
@@ -131,14 +131,14 @@ class SlicedErrors(AbstractErrors):
         """Number of the sample."""
         return jnp.zeros((), dtype=self.first.dtype)
 
-    def step(self, carry: Array, ends: Float[Array, " n"], given: None) -> tuple[Array, Float[Array, "n 6 R"]]:
+    def step(self, carry: Array, ends: Float[Array, " n"], given: None) -> tuple[Array, Float[Array, "n ch R"]]:
         """The next samples."""
         after = carry + jnp.cumsum(ends).astype(carry.dtype)
         at = jnp.concatenate([carry[None], after[:-1]])
         errors = self.record.at[at[:, None] + self.first[None]].get(mode="clip")
         return after[-1], jnp.swapaxes(errors, 1, 2)
 
-    def lasting(self, carry: Array, given: None) -> Float[Array, "6 R"]:
+    def lasting(self, carry: Array, given: None) -> Float[Array, "ch R"]:
         """Nobody knows."""
         return jnp.full((len(CHANNELS), self.first.shape[0]), jnp.nan)
 
@@ -211,7 +211,7 @@ def _number(name: str) -> int:
 
 def _stateless(
     errors: ImuErrors, keys: Key[Array, " R"], num_samples: int, ends: Float[Array, "M G n"]
-) -> Float[Array, "M G n 6 R"] | None:
+) -> Float[Array, "M G n ch R"] | None:
     """Errors of the processes that have no state, drawn by themselves; None if there is none."""
     models = [errors.stateless(channel) for channel in range(len(CHANNELS))]
     if all(m is None for m in models):

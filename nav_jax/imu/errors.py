@@ -61,7 +61,7 @@ class ImuErrors(eqx.Module):
 
     models: tuple[Composite, ...]
     """Of the channels, in the order of `nav_jax.imu.channels.CHANNELS`; None-free, zero components left out."""
-    bias_sd: Float[Array, "6"]
+    bias_sd: Float[Array, " ch"]
     biased: tuple[int, ...] = eqx.field(static=True)
     """Channels with a turn-on bias."""
     rate: float = eqx.field(static=True)

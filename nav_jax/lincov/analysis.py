@@ -15,7 +15,7 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import Setup, check_rates
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.layout import BLOCKS, GROUPS, UNITS, block_columns
+from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS, channel_columns
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
@@ -27,12 +27,6 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-STATES = {
-    "position": (0, 1, 2), "velocity": (3, 4, 5), "attitude": (6, 7, 8), "pose": (0, 1, 2, 6, 7, 8),
-    "navigation": tuple(range(9)), "sensors": tuple(range(9, 15)),
-}  # fmt: skip
-"""Group -> columns of the covariances, see `nav_jax.filter.layout.GROUPS`."""
 
 _SINGULAR = 1e-13
 """Smallest eigenvalue of a matrix of correlations that is more than rounding."""
@@ -50,7 +44,7 @@ class Covariances(Judged):
         Epochs in s, shape (E,).
     true, claimed
         Second moments of the errors, and what the filter says of them: position (m), velocity (m/s), attitude (rad) and
-        the errors of the estimated sensor errors (m/s^2, rad/s), shape (E, 15, 15). The blocks between navigation and
+        the errors of the estimated sensor errors (m/s^2, rad/s), columns `JUDGED`, shape (E, C, C). The blocks between navigation and
         sensors are not kept and NaN.
     channels
         Columns of the sensors on which the filter has a state.
@@ -66,8 +60,8 @@ class Covariances(Judged):
 
     name: str
     time: Float64[np.ndarray, " E"]
-    true: Float64[np.ndarray, "E 15 15"]
-    claimed: Float64[np.ndarray, "E 15 15"]
+    true: Float64[np.ndarray, "E col col"]
+    claimed: Float64[np.ndarray, "E col col"]
     channels: tuple[int, ...]
     fixes: Mapping[str, Float64[np.ndarray, " _"]] = field(default_factory=dict)
     innovation: Mapping[str, Float64[np.ndarray, "_ _"]] = field(default_factory=dict)
@@ -76,22 +70,22 @@ class Covariances(Judged):
     notes: tuple[str, ...] = ()
 
     @cached_property
-    def sd(self) -> Float64[np.ndarray, "E 15"]:
+    def sd(self) -> Float64[np.ndarray, "E col"]:
         """Root of the true mean square of each component."""
         return np.sqrt(np.diagonal(self.true, axis1=1, axis2=2))
 
     @cached_property
-    def sd_claimed(self) -> Float64[np.ndarray, "E 15"]:
+    def sd_claimed(self) -> Float64[np.ndarray, "E col"]:
         """Standard deviations that the filter states."""
         return np.sqrt(np.diagonal(self.claimed, axis1=1, axis2=2))
 
     def rms(self, block: str) -> Float64[np.ndarray, " E"]:
         """True RMS of the norm of a block: position, velocity, attitude, accel, gyro."""
-        return np.linalg.norm(self.sd[:, block_columns(block)], axis=1)
+        return np.linalg.norm(self.sd[:, JUDGED[block]], axis=1)
 
     def rms_claimed(self, block: str) -> Float64[np.ndarray, " E"]:
         """What the filter says of it."""
-        return np.linalg.norm(self.sd_claimed[:, block_columns(block)], axis=1)
+        return np.linalg.norm(self.sd_claimed[:, JUDGED[block]], axis=1)
 
     def dof(self, group: str) -> int:
         """Number of states of a group: the expectation of its NEES where the filter is consistent."""
@@ -118,9 +112,10 @@ class Covariances(Judged):
         return (self.innovation[sensor] / self.innovation_claimed[sensor]).mean(axis=1)
 
     def _columns(self, group: str) -> list[int]:
-        if group not in STATES:
+        if group not in GROUPS:
             raise ValueError(f"{group!r} is none of the groups {', '.join(GROUPS)}.")
-        return [c for c in STATES[group] if c < 9 or c - 9 in self.channels]
+        without_state = {*channel_columns(range(len(CHANNELS)))} - {*channel_columns(self.channels)}
+        return [c for c in JUDGED.columns(*GROUPS[group]) if c not in without_state]
 
     def _weights(self, group: str) -> Float64[np.ndarray, "E k"]:
         """Eigenvalues of P^-1 P_true."""
@@ -144,12 +139,12 @@ class Covariances(Judged):
         """True RMS errors beside what the filter says of them, at the judged epoch."""
         k = self.epoch()
         rows = []
-        for block in BLOCKS:
+        for block, unit in ((b.name, b.unit) for b in JUDGED.blocks):
             true, said = self.rms(block)[k], self.rms_claimed(block)[k]
-            if block in ("accel", "gyro") and not said:
+            if block not in NAVIGATION and not said:
                 continue
             nees = self.nees(block)[k] / self.dof(block) if block in GROUPS else np.nan
-            rows.append([block, UNITS[block], number(true, 4), number(said, 4), number(float(nees), 3)])
+            rows.append([block, unit, number(true, 4), number(said, 4), number(float(nees), 3)])
         notes = "".join(f"\nnote: {n}" for n in self.notes)
         head = ["", "unit", "true rms", "claimed rms", "NEES / dof"]
         return f"{self.name}: linear covariances at {self.time[k]:g} s\n{format_table(head, rows, left=2)}{notes}"
@@ -334,8 +329,9 @@ def covariances_of(
     at = setup.output_segments
     both = []
     for claim in (arrays.true, arrays.claimed):
-        P = np.full((len(at), 15, 15), np.nan)
-        P[:, :9, :9], P[:, 9:, 9:] = claim.navigation[at], claim.sensors[at]
+        P = np.full((len(at), JUDGED.size, JUDGED.size), np.nan)
+        n = NAVIGATION.size
+        P[:, :n, :n], P[:, ON_CHANNELS, ON_CHANNELS] = claim.navigation[at], claim.sensors[at]
         both.append(P)
     edges = np.cumsum([0, *(len(s.axes) for s in setup.aiding)])
     names = [s.name for s in setup.aiding]

@@ -20,13 +20,14 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import shared_channels
 from nav_jax.imu.bank import alone
+from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.lincov.analysis import make_setup
 from nav_jax.lincov.covariance import Noise, covariances_of_many, motion_of, noise_of
-from nav_jax.lincov.derivatives import QUANTITIES, STARTS
 from nav_jax.statistics.epochs import Judged
 from nav_jax.trajectory.trajectory import Trajectory
 
@@ -45,7 +46,7 @@ class Budget(Judged):
     sources
         Names of S sources.
     part
-        Mean square of each component of position, velocity and attitude that each source makes, SI, shape (S, E, 9);
+        Mean square of each component of position, velocity and attitude that each source makes, SI, shape (S, E, nav);
         the sum over the sources is the whole.
     outages, fixes
         Of each sensor, s.
@@ -53,12 +54,12 @@ class Budget(Judged):
 
     time: Float64[np.ndarray, " E"]
     sources: tuple[str, ...]
-    part: Float64[np.ndarray, "S E 9"]
+    part: Float64[np.ndarray, "S E nav"]
     outages: dict[str, tuple[tuple[float, float], ...]]
     fixes: dict[str, Float64[np.ndarray, " _"]]
 
     def mean_square(self, quantity: str) -> Float64[np.ndarray, "S E"]:
-        """Of one of `nav_jax.lincov.derivatives.QUANTITIES`, by source, SI."""
+        """Of one of `nav_jax.filter.layout.QUANTITIES`, by source, SI."""
         return self.part[:, :, list(QUANTITIES[quantity][0])].sum(axis=2)
 
     def share(self, quantity: str) -> Float64[np.ndarray, "S E"]:
@@ -95,9 +96,9 @@ class Budget(Judged):
 class _Weights(eqx.Module):
     """1 for what belongs to a source."""
 
-    start: Float[Array, "9"]
+    start: Float[Array, " nav"]
     states: Float[Array, " M"]
-    white: Float[Array, "6"]
+    white: Float[Array, " ch"]
     aiding: Float[Array, " K"]
 
 
@@ -178,7 +179,7 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
     found: dict[str, _Weights] = {}
 
     def add(name: str, start: Any = (), states: Any = (), channels: Any = (), aiding: Any = ()) -> None:
-        w = [np.zeros(n) for n in (9, M, 6, K)]
+        w = [np.zeros(n) for n in (NAVIGATION.size, M, len(CHANNELS), K)]
         for array, at in zip(w, (start, states, channels, aiding), strict=True):
             array[list(at)] = 1.0
         found[name] = _Weights(*map(jnp.asarray, w))
@@ -190,14 +191,15 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
         for label in dict.fromkeys(label for _, label in mine):
             add(f"{group.name} {label}", states=[i for i, of in mine if of == label])
     across = np.array(noise.start)
-    for part in STARTS.values():
+    starts = {name: NAVIGATION[name] for name in NAVIGATION.names}
+    for part in starts.values():
         across[part, part] = 0.0
     if across.any():  # position, velocity and attitude are not independent
-        add("start", start=range(9))
+        add("start", start=range(NAVIGATION.size))
     else:
-        for name, part in STARTS.items():
+        for name, part in starts.items():
             if known[part].any():
-                add(f"start {name}", start=range(9)[part])
+                add(f"start {name}", start=NAVIGATION.columns(name))
     first = 0
     for sensor in experiment.sensors:
         add(sensor.name, aiding=range(first, first + len(sensor.axes)))

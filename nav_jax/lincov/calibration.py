@@ -20,12 +20,13 @@ from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.layout import QUANTITIES
 from nav_jax.filter.parameters import ErrorLines
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.lincov.analysis import make_setup
 from nav_jax.lincov.covariance import covariances_of_many, motion_of, noise_of
-from nav_jax.lincov.derivatives import QUANTITIES, rms_of
+from nav_jax.lincov.derivatives import rms_of
 from nav_jax.statistics.epochs import Judged
 from nav_jax.trajectory.trajectory import Trajectory
 

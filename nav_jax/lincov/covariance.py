@@ -27,25 +27,23 @@ from jaxtyping import Bool, Float, Int
 
 from nav_jax.filter.ekf import mechanise_with_motion, update
 from nav_jax.filter.error_model import Covariance, Motion, blocks, full, propagate
-from nav_jax.filter.experiment import Experiment, start_covariance
+from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.loop import stacked, time_loop
 from nav_jax.filter.score import Claim, claim
+from nav_jax.filter.timeline import start_covariance
 from nav_jax.imu.bank import SensorBank, alone, step_noises
-from nav_jax.imu.channels import SensorState
+from nav_jax.imu.channels import CHANNELS, NO_CHANNEL, SensorState
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import markov_form
 from nav_jax.kinematics.linalg import symmetrise, transpose
-
-NO_CHANNEL = -1
-"""Channel of a state that no IMU channel reads."""
 
 
 class Lincov(NamedTuple):
     """Covariances at the end of each of the M segments of an experiment, after the update there."""
 
     true: Claim
-    """Second moments of the errors: navigation (M, 9, 9), channels (M, 6, 6)."""
+    """Second moments of the errors: navigation (M, nav, nav), channels (M, ch, ch)."""
     claimed: Claim
     """What the filter says of them."""
     innovation: Float[Array, "M K"]
@@ -120,7 +118,7 @@ class AidingNoise(eqx.Module):
 class Noise(eqx.Module):
     """All that is random in truth."""
 
-    start: Float[Array, "9 9"]
+    start: Float[Array, "nav nav"]
     """Covariance of the navigation error at the start."""
     imu: SensorBank
     aiding: AidingNoise
@@ -289,7 +287,7 @@ def _power(form: Any, count: Int[Array, ""], largest: int) -> tuple[Array, Array
 
 def _update_joint(
     J: Float[Array, "n n L"],
-    H: Float[Array, "K 9"],
+    H: Float[Array, "K nav"],
     readout: Float[Array, "K S L"],
     white: Float[Array, "K L"],
     gain: Float[Array, "K m Q"],
@@ -297,16 +295,16 @@ def _update_joint(
     """Second moment after the filter has taken K scalars with its gains, and the variances of the innovations.
 
     An innovation given those before is h (e, xh, x) + v for the errors after those before: what `J` then is of. The
-    first m, (e, xh), are corrected; h is `H` on the first 9 and `readout` on the last S, the states of the aiding.
+    first m, (e, xh), are corrected; h is `H` on the first and `readout` on the last S, the states of the aiding.
     """
-    m, aiding = gain.shape[1], J.shape[0] - readout.shape[1]
+    m, aiding, seen = gain.shape[1], J.shape[0] - readout.shape[1], H.shape[1]
 
     def scalar(carry, inputs):
         A, B = carry  # the first m rows of J: [A B]
         h, c, r, K = inputs
-        u = jnp.sum(A[:, :9] * h[None, :, None], axis=1) + jnp.sum(B[:, aiding - m :] * c[None], axis=1)
-        w = jnp.sum(B[:9] * h[:, None, None], axis=0) + jnp.sum(rest[:, aiding - m :] * c[None], axis=1)
-        s = jnp.sum(h[:, None] * u[:9], axis=0) + jnp.sum(c * w[aiding - m :], axis=0) + r
+        u = jnp.sum(A[:, :seen] * h[None, :, None], axis=1) + jnp.sum(B[:, aiding - m :] * c[None], axis=1)
+        w = jnp.sum(B[:seen] * h[:, None, None], axis=0) + jnp.sum(rest[:, aiding - m :] * c[None], axis=1)
+        s = jnp.sum(h[:, None] * u[:seen], axis=0) + jnp.sum(c * w[aiding - m :], axis=0) + r
         # (1 - K h) J (1 - K h)' + K r K'; a gain is 0 where there is no fix
         Ku = K[:, None] * u[None]
         A = A - (Ku + transpose(Ku) - K[:, None] * (s[None] * K)[None])
@@ -335,4 +333,4 @@ def _joint(ours: SensorBank, noise: Noise) -> SensorBank:
 
 def _no_states() -> SensorBank:
     none = jnp.zeros((0, 0))
-    return SensorBank(none, none, jnp.zeros(0), none, jnp.zeros(6), jnp.ones(()), states=(), diagonal=True)
+    return SensorBank(none, none, jnp.zeros(0), none, jnp.zeros(len(CHANNELS)), jnp.ones(()), states=(), diagonal=True)

@@ -20,6 +20,7 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.kinematics.earth import FlatEarth
@@ -32,21 +33,8 @@ from nav_jax.trajectory.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-QUANTITIES = {
-    "position": ((0, 1, 2), "m", 1.0),
-    "horizontal": ((0, 1), "m", 1.0),
-    "vertical": ((2,), "m", 1.0),
-    "velocity": ((3, 4, 5), "m/s", 1.0),
-    "tilt": ((6, 7), "deg", 180 / np.pi),
-    "heading": ((8,), "deg", 180 / np.pi),
-}
-"""RMS errors: columns of the covariance of navigation, the unit they are shown in, and that in SI."""
 
-STARTS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
-"""Parts of the uncertainty of the start."""
-
-
-def rms_of(navigation: Float[Array, "*L E 9 9"]) -> Float[Array, "*L Q E"]:
+def rms_of(navigation: Float[Array, "*L E nav nav"]) -> Float[Array, "*L Q E"]:
     """RMS of each of `QUANTITIES` from covariances."""
     variance = jnp.diagonal(navigation, axis1=-2, axis2=-1)
     return jnp.stack([root(variance[..., jnp.array(c)].sum(axis=-1)) for c, _, _ in QUANTITIES.values()], axis=-2)
@@ -118,7 +106,7 @@ class _Problem:
             AidingLines(experiment.sensors),
         )
         known = np.diag(np.asarray(experiment.initial.covariance))
-        self.starts = [name for name, part in STARTS.items() if known[part].any()]
+        self.starts = [name for name in NAVIGATION.names if known[NAVIGATION[name]].any()]
         factors = (*self.aiding.names, *(f"start {name} sd" for name in self.starts))
         self.names = (*self.truth.names, *factors, *self.believed.names, *factors)
         half = len(self.truth.names) + len(factors)
@@ -143,9 +131,9 @@ class _Problem:
         return heard, noise, self.believed.build(believed), ours
 
     def _scaled(self, covariance: Array, x: Array) -> Array:
-        factor = jnp.ones(9)
+        factor = jnp.ones(NAVIGATION.size)
         for name, value in zip(self.starts, x, strict=True):
-            factor = factor.at[STARTS[name]].set(jnp.exp(value))
+            factor = factor.at[NAVIGATION[name]].set(jnp.exp(value))
         return covariance * factor[:, None] * factor[None, :]
 
     def _louder(self, noise: Noise, x: Array) -> Any:

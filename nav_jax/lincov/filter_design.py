@@ -358,4 +358,4 @@ def judged(covariances: Sequence[Covariances]) -> tuple[float, float, float]:
         float(np.sqrt(np.mean([x[k] ** 2 for x, k in rows])))
         for rows in ([(c.rms("position"), k) for c, k in at], [(c.rms_claimed("position"), k) for c, k in at])
     )
-    return position, claimed, float(np.mean([c.nees("navigation")[k] / 9 for c, k in at]))
+    return position, claimed, float(np.mean([c.nees("navigation")[k] / c.dof("navigation") for c, k in at]))

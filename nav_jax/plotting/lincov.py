@@ -17,7 +17,8 @@ from matplotlib.ticker import MaxNLocator
 from nav_jax.lincov.analysis import Covariances
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.calibration import CalibrationEffect
-from nav_jax.lincov.derivatives import QUANTITIES, Sensitivities
+from nav_jax.filter.layout import QUANTITIES
+from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
 from nav_jax.plotting.runs import COLOURS, grid, logarithmic, shade
 from nav_jax.recorded.tuning import Tuning
@@ -74,7 +75,7 @@ def plot_sensitivities(
     s
         The derivatives.
     quantities
-        A row each, of `nav_jax.lincov.derivatives.QUANTITIES`.
+        A row each, of `nav_jax.filter.layout.QUANTITIES`.
     num
         So many parameters: those with the largest relative effect on one of the quantities at the judged epoch.
     """
@@ -110,7 +111,7 @@ def plot_budget(
     b
         The budget.
     quantities
-        A frame each, of `nav_jax.lincov.derivatives.QUANTITIES`.
+        A frame each, of `nav_jax.filter.layout.QUANTITIES`.
     num
         At most so many sources have a colour of their own, those with the largest mean shares; the others are one.
     """
@@ -155,7 +156,7 @@ def plot_calibration(
     c
         The effect.
     quantities
-        Two of `nav_jax.lincov.derivatives.QUANTITIES`, a column each.
+        Two of `nav_jax.filter.layout.QUANTITIES`, a column each.
     level
         Of the bands.
     """

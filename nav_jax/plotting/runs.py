@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from nav_jax.filter.layout import block_columns
+from nav_jax.filter.layout import JUDGED
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
 
@@ -168,7 +168,7 @@ def _paths(runs: Runs, reference: Trajectory, max_runs: int) -> list[tuple[np.nd
 
 def _draw_blocks(runs: Runs, blocks: Sequence[str], max_runs: int, sigmas: float, title: str) -> Figure:
     for block in blocks:
-        block_columns(block)  # before there is a figure
+        JUDGED[block]  # before there is a figure
     figure, axes = plt.subplots(
         3, len(blocks), sharex=True, squeeze=False, figsize=(2.5 + 4.5 * len(blocks), 6.6), layout="constrained"
     )

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.loop import Inputs, Timeline
 from nav_jax.filter.parameters import AidingLines, ErrorLines
+from nav_jax.filter.timeline import Inputs, Timeline
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.recorded.navigation import run_record
 

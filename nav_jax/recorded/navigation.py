@@ -16,13 +16,15 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.ekf import NavState
-from nav_jax.filter.experiment import start_covariance, timeline_of
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.loop import Inputs, Outcome, Timeline, run_estimate
+from nav_jax.filter.loop import run_estimate
+from nav_jax.filter.layout import JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
 from nav_jax.filter.status import Status
+from nav_jax.filter.timeline import Inputs, Outcome, Timeline, start_covariance, timeline_of
+from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import GivenErrors
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
@@ -42,7 +44,7 @@ class Navigation:
         Epochs of what follows, s, shape (E,).
     sd
         Standard deviations of position N, E, D (m), velocity (m/s), attitude (rad, rotation vector in n) and of the
-        estimated errors of accelerometers (m/s^2) and gyros (rad/s), shape (E, 15).
+        estimated errors of accelerometers (m/s^2) and gyros (rad/s), columns `nav_jax.filter.layout.JUDGED`, shape (E, C).
     sensor_errors
         Estimated errors of accelerometer x, y, z and gyro x, y, z, shape (E, 6).
     innovation, nis
@@ -53,8 +55,8 @@ class Navigation:
 
     trajectory: Trajectory
     time: Float64[np.ndarray, " E"]
-    sd: Float64[np.ndarray, "E 15"]
-    sensor_errors: Float64[np.ndarray, "E 6"]
+    sd: Float64[np.ndarray, "E col"]
+    sensor_errors: Float64[np.ndarray, "E ch"]
     innovation: Mapping[str, Float64[np.ndarray, "_ _"]]
     nis: Mapping[str, Float64[np.ndarray, " _"]]
     status: Status
@@ -62,8 +64,8 @@ class Navigation:
     def __repr__(self) -> str:
         last = self.sd[-1]
         rows = [
-            [name, unit, *(f"{x:.3g}" for x in last[3 * i : 3 * i + 3])]
-            for i, (name, unit) in enumerate([("position", "m"), ("velocity", "m/s"), ("attitude", "rad")])
+            [b.name, b.unit, *(f"{x:.3g}" for x in last[JUDGED[b.name]])]
+            for b in NAVIGATION.blocks
         ]
         lines = [
             f"Navigation from {self.trajectory.time[0]:g} to {self.trajectory.time[-1]:g} s: {self.status.sentence}",
@@ -139,7 +141,7 @@ def prepare_navigation(
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
     for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
         z[segments, a:b, 0] = f.value
-    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, 6, 1)))
+    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, len(CHANNELS), 1)))
     return Prepared(timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, outputs, fixes, columns)
 
 
@@ -242,7 +244,7 @@ def navigate(
         _trajectory(done, outcome, imu, smooth=smooth),
         done.schedule.time[done.outputs],
         outcome.judgement.sd[done.outputs],
-        outcome.judgement.error[done.outputs, 9:],
+        outcome.judgement.error[done.outputs, ON_CHANNELS],
         nu,
         {n: (nu[n] ** 2 / variance[n]).sum(axis=1) for n in names},
         status,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nav_jax.filter.layout import COMPONENTS, GROUPS, UNITS
+from nav_jax.filter.layout import GROUPS, JUDGED
 from nav_jax.simulation._store import import_xarray
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ def runs_to_dataset(runs: Any) -> "xarray.Dataset":
     xarray = import_xarray()
     groups = [g for g in GROUPS if g in runs.nees]
     nees = [runs.nees[g] for g in groups]
-    units = [UNITS[c.split("_")[0]] for c in COMPONENTS]
     mixed = {"units": "of each component: see the coordinate unit"}
     data: dict[str, Any] = {
         "error": (("run", "time", "component"), runs.error, {"long_name": "estimate - truth", **mixed}),
@@ -57,8 +56,8 @@ def runs_to_dataset(runs: Any) -> "xarray.Dataset":
         "model": _text(runs.name),
         "run": np.arange(len(runs)),
         "time": ("time", runs.time, {"units": "s"}),
-        "component": _text(COMPONENTS),
-        "unit": ("component", _text(units)),
+        "component": _text(JUDGED.components),
+        "unit": ("component", _text(JUDGED.units)),
         "group": _text(groups),
         "axis": _text(("n", "e", "d")),
         "axis_2": _text(("n", "e", "d")),
@@ -119,7 +118,7 @@ def join_models(datasets: Sequence["xarray.Dataset"]) -> "xarray.Dataset":
 
 
 def _fields(one: "xarray.Dataset") -> dict[str, Any]:
-    if tuple(map(str, one["component"].values)) != COMPONENTS:
+    if tuple(map(str, one["component"].values)) != JUDGED.components:
         raise KeyError(f"the components are {', '.join(map(str, one['component'].values))}")
     there = one["status"].values != NOT_RUN
     if not np.all(there):

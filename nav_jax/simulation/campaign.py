@@ -20,7 +20,7 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.experiment import GAINS, Setup, check_rates, draw_inputs, gains_of, run_filter, run_keys
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.layout import COMPONENTS, GROUPS
+from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.status import Status
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
@@ -174,7 +174,7 @@ def compare(
     on_reference = gains == "reference"
     if smooth and chunk_size is None and not on_reference:
         most = max(len(f.bank().states) for f in filters.values())
-        size = min(size, _smoothed_at_once(setup, 9 + most, workers))
+        size = min(size, _smoothed_at_once(setup, NAVIGATION.size + most, workers))
     shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
@@ -272,7 +272,7 @@ class _Collected:
 
     def __init__(self, setup: Setup, num_runs: int):
         E, self.setup, self.num_runs = len(setup.output_times), setup, num_runs
-        self.error = np.empty((num_runs, E, len(COMPONENTS)))
+        self.error = np.empty((num_runs, E, JUDGED.size))
         self.sd = np.empty_like(self.error)
         self.position_covariance = np.empty((num_runs, E, 3, 3))
         self.nees = {group: np.empty((num_runs, E)) for group in GROUPS}
@@ -314,13 +314,13 @@ class _Collected:
     ) -> Runs:
         """The result of the first `count` runs."""
         states = {s.channel for s in believed.bank().states}
-        dof = {"position": 3, "velocity": 3, "attitude": 3, "pose": 6, "navigation": 9, "sensors": len(states)}
+        dof = {group: len(JUDGED.columns(*blocks)) for group, blocks in GROUPS.items()} | {"sensors": len(states)}
         notes = list(believed.notes())
         if smooth:
             notes.append("Errors are those of the smoother, from all measurements of a run; innovations the filter's.")
         error, sd = self.error[:count], self.sd[:count]
         if isinstance(truth, RecordedErrors):
-            error[..., 9:], sd[..., 9:] = 0.0, 0.0
+            error[..., ON_CHANNELS], sd[..., ON_CHANNELS] = 0.0, 0.0
             dof["sensors"] = 0
             notes.append("The errors are a recording, whose states nobody knows: nothing is said of the sensor states.")
         groups = [g for g in GROUPS if dof[g]]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.filter.layout import ATTITUDE
 from nav_jax.simulation.runs import Runs
 from nav_jax.statistics.energy import energy_score
 from nav_jax.statistics.summaries import Paired, coverage, holm, mean_curve, mean_nees, mean_norm, paired, rms
@@ -206,7 +207,7 @@ def _standing(name: str, r: Runs, chosen: np.ndarray, epoch: int, level: float) 
     """Numbers of one model by itself."""
     one = slice(epoch, epoch + 1)
     position = mean_norm(r.error[chosen, one, :3], level)
-    orientation = mean_norm(r.error[chosen, one, 6:9], level)
+    orientation = mean_norm(r.error[chosen, one, ATTITUDE], level)
     score = mean_curve(energy_score(r.error[chosen, one, :3], r.position_covariance[chosen, one]), level)
     found: dict[str, Any] = {}
     known = r.known_epochs("pose") if "pose" in r.nees else np.zeros(len(r.time), bool)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Integer
 
 from gmwm_jax._internal.text_table import format_table, number
-from nav_jax.filter.layout import BLOCKS, COMPONENTS, UNITS, block_columns
+from nav_jax.filter.layout import JUDGED, NAVIGATION
 from nav_jax.filter.status import Status
 from nav_jax.simulation._dataset import RUNS_KIND, dataset_to_fields, runs_to_dataset
 from nav_jax.simulation._store import import_xarray, read_dataset, write_dataset
@@ -44,7 +44,7 @@ class Runs:
     time
         Epochs in s.
     error
-        Estimate - truth, columns `COMPONENTS` in SI. The last six are errors of the estimated sensor errors: the sum of
+        Estimate - truth, columns `nav_jax.filter.layout.JUDGED` in SI. The last six are errors of the estimated sensor errors: the sum of
         the states of that axis minus the true error without its white part.
     sd
         Standard deviations that the filter states for them; 0 where it has no state on that axis.
@@ -82,8 +82,8 @@ class Runs:
 
     name: str
     time: Float64[np.ndarray, " E"]
-    error: Float64[np.ndarray, "R E 15"]
-    sd: Float64[np.ndarray, "R E 15"]
+    error: Float64[np.ndarray, "R E col"]
+    sd: Float64[np.ndarray, "R E col"]
     position_covariance: Float64[np.ndarray, "R E 3 3"]
     nees: Mapping[str, Float64[np.ndarray, "R E"]]
     dof: Mapping[str, int]
@@ -136,11 +136,11 @@ class Runs:
 
     def errors(self, block: str, runs: Integer[np.ndarray, " _"] | None = None) -> Float64[np.ndarray, "_ E 3"]:
         """Errors in one of the blocks, by default of the good runs, see `select`."""
-        return self.select(self.error[:, :, block_columns(block)], runs)
+        return self.select(self.error[:, :, JUDGED[block]], runs)
 
     def sds(self, block: str, runs: Integer[np.ndarray, " _"] | None = None) -> Float64[np.ndarray, "_ E 3"]:
         """Standard deviations that belong to `errors`."""
-        return self.select(self.sd[:, :, block_columns(block)], runs)
+        return self.select(self.sd[:, :, JUDGED[block]], runs)
 
     def known_epochs(self, group: str) -> Bool[np.ndarray, " E"]:
         """Epochs at which the group has a NEES in all good runs: not those at which a covariance is singular."""
@@ -215,12 +215,12 @@ class Runs:
         k = self.epoch()
         head = ["", "unit", "rms error", "rms sd", "NEES / dof"]
         rows = []
-        for block in BLOCKS:
+        for block, unit in ((b.name, b.unit) for b in JUDGED.blocks):
             e, s = self.errors(block)[:, k], self.sds(block)[:, k]
-            if block in ("accel", "gyro") and not np.any(s):
+            if block not in NAVIGATION and not np.any(s):
                 continue
             nees = self.select(self.nees[block])[:, k].mean() / self.dof[block] if block in self.nees else np.nan
-            rows.append([block, UNITS[block], number(_rms(e), 4), number(_rms(s), 4), number(float(nees), 3)])
+            rows.append([block, unit, number(_rms(e), 4), number(_rms(s), 4), number(float(nees), 3)])
         notes = "".join(f"\nnote: {n}" for n in self.notes)
         return f"{self.name}: {self.counts()}; at {self.time[k]:g} s\n{format_table(head, rows, left=2)}{notes}"
 
@@ -246,8 +246,8 @@ def _check(runs: Runs) -> None:
         raise ValueError(f"{runs.name}: a name with a slash, {bad_names[0]!r}, cannot be that of a sensor on disk.")
     every = runs.error.shape[:2]
     checked = {
-        "error": (runs.error, (*every, len(COMPONENTS))),
-        "sd": (runs.sd, (*every, len(COMPONENTS))),
+        "error": (runs.error, (*every, JUDGED.size)),
+        "sd": (runs.sd, (*every, JUDGED.size)),
         "position_covariance": (runs.position_covariance, (*every, 3, 3)),
     }
     for s, nis in runs.nis.items():

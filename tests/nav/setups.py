@@ -5,7 +5,7 @@ import numpy as np
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax.filter.loop import Inputs
+from nav_jax.filter.timeline import Inputs
 from nav_jax.imu.emulation import GivenErrors, write_out
 
 GRAVITY = 9.8056

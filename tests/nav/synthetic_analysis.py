@@ -3,7 +3,7 @@
 import numpy as np
 
 import nav_jax as nj
-from nav_jax.lincov.derivatives import QUANTITIES
+from nav_jax.filter.layout import QUANTITIES
 
 OUTAGE = (10.0, 20.0)
 START, END = OUTAGE

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from nav.synthetic import OUTAGE, make_runs, with_failures
 
-from nav_jax.filter.layout import COMPONENTS
+from nav_jax.filter.layout import JUDGED
 from nav_jax.simulation.runs import Runs
 
 FORMATS = (".zarr", ".nc")
@@ -163,7 +163,7 @@ def test_blocks_have_names(runs):
 def test_the_dataset_has_dimensions_and_units(runs):
     d = runs.to_xarray()
     assert d["error"].dims == ("run", "time", "component")
-    assert tuple(d["component"].values) == COMPONENTS
+    assert tuple(d["component"].values) == JUDGED.components
     assert d["error"].sel(component="attitude_d").coords["unit"].item() == "rad"
     assert d["time"].attrs["units"] == "s"
     assert d["nis_gnss"].dims == ("run", "time_gnss")

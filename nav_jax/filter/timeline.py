@@ -1,0 +1,112 @@
+"""What runs take and give: the schedule with what all of them share, their inputs, their outcome, as arrays."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import jax.scipy.linalg
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.ekf import NavState, Update
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.schedule import Schedule
+from nav_jax.filter.score import Claim, Judgement, Truth
+from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.emulation import AbstractErrors
+from nav_jax.imu.imu import Imu
+
+
+class Timeline(eqx.Module):
+    """A run's schedule and what all runs share, as arrays; M segments of G steps of n pieces."""
+
+    imu: Float[Array, "M G n ch"]
+    """Perfect sensors."""
+    pattern: Int[Array, "M G"]
+    dt: Float[Array, "U n"]
+    ends: Float[Array, "U n"]
+    truth: Truth
+    """At the end of each segment."""
+    valid: Float[Array, "M K"]
+    """1 where a scalar is measured at the end of a segment."""
+    g_n: Float[Array, "3 1"]
+
+
+class Inputs(NamedTuple):
+    """What R runs are given."""
+
+    start: NavState
+    errors: AbstractErrors
+    """Added to the perfect sensors."""
+    z: Float[Array, "M K R"]
+    """Measurements; anything where there are none."""
+
+
+class Memory(NamedTuple):
+    """What a smoother wants of each of the M segments."""
+
+    P: Float[Array, "M n n Q"]
+    """Covariance at its end, after the update."""
+    gain: Float[Array, "M K n Q"]
+    """Of that update, see `Update`."""
+    transition: Float[Array, "M n n Q"]
+    """From its beginning to its end, before the update."""
+
+
+class Outcome(NamedTuple):
+    """What comes out, at the end of each of the M segments."""
+
+    judgement: Judgement
+    innovation: Float[Array, "M K R"]
+    variance: Float[Array, "M K Q"]
+    """Of the innovations."""
+    status: Int[Array, " R"]
+    state: NavState
+    """The estimate."""
+    trace: Any
+    """The estimate after each covariance step, or None."""
+    memory: Memory | None
+    """If it was asked for."""
+
+
+class Gains(NamedTuple):
+    """What all runs share with `run_reference`, at the end of each of the M segments."""
+
+    update: Update
+    claim: Claim
+    memory: Memory | None
+
+
+def timeline_of(
+    imu: Imu,
+    schedule: Schedule,
+    sensors: Sequence[AbstractAiding],
+    fix_segments: Sequence[Int[np.ndarray, " _"]],
+    truth: Truth,
+    g_n: Float[Array, "3 1"],
+) -> Timeline:
+    """The schedule of a run with its IMU, as arrays."""
+    M, G = schedule.pattern.shape
+    # pieces that fill up after the last sample take any
+    samples = np.minimum(schedule.samples, len(imu) - 1)
+    sizes = [len(s.axes) for s in sensors]
+    valid = np.zeros((M, sum(sizes)))
+    for at, size, segments in zip(np.cumsum([0, *sizes]), sizes, fix_segments, strict=False):
+        valid[segments, at : at + size] = 1.0
+    return Timeline(
+        imu=jnp.asarray(np.concatenate([imu.accel, imu.gyro], axis=1)[samples].reshape(M, G, -1, len(CHANNELS))),
+        pattern=jnp.asarray(schedule.pattern),
+        dt=jnp.asarray(schedule.dt),
+        ends=jnp.asarray(schedule.ends),
+        truth=truth,
+        valid=jnp.asarray(valid),
+        g_n=g_n,
+    )
+
+
+def start_covariance(initial: InitialUncertainty, bank: SensorBank) -> Float[Array, "n n"]:
+    """Covariance of the error state at the start."""
+    return jax.scipy.linalg.block_diag(initial.covariance, bank.initial)
