@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from nav_jax.app.report import write_files
+from nav_jax.filter.layout import QUANTITIES
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.lincov.analysis import Analysis, Covariances
 from nav_jax.lincov.budget import Budget
-from nav_jax.filter.layout import QUANTITIES
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
 from nav_jax.plotting.comparison import plot_comparison

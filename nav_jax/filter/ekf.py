@@ -108,7 +108,6 @@ def update(
     valid
         1 where there is a measurement, 0 where there is none.
     """
-
     seen = H.shape[1]
 
     def scalar(P, inputs):
@@ -129,7 +128,6 @@ def correction(
     gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K nav"]
 ) -> tuple[Float[Array, "n R"], Float[Array, "K R"]]:
     """The correction z - h(x) asks for, scalar after scalar, and the innovations: residuals given those before."""
-
     seen = H.shape[1]
 
     def scalar(c, inputs):

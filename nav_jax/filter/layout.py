@@ -1,8 +1,8 @@
 """What the error state consists of, and what is kept of it: the one place that knows its order and sizes.
 
 A `Layout` is a row of named blocks. `NAVIGATION` are the errors of position, velocity and attitude with which every
-error state begins; `error_state` puts the states of a filter's sensors behind them; `JUDGED` are the columns of results:
-navigation, and the errors of the six channels of an IMU in place of the states behind them.
+error state begins; `error_state` puts the states of a filter's sensors behind them; `JUDGED` are the columns of
+results: navigation, and the errors of the six channels of an IMU in place of the states behind them.
 """
 
 from collections.abc import Sequence
@@ -77,7 +77,7 @@ class Layout:
         return tuple(i for name in names for i in range(self.size)[self[name]])
 
     def followed_by(self, *blocks: Block) -> "Layout":
-        """This layout with blocks behind it."""
+        """The same with blocks behind it."""
         return Layout((*self.blocks, *blocks))
 
 
@@ -149,4 +149,3 @@ def error_state(states: Sequence[SensorState], own: Sequence[Block] = ()) -> Lay
 def channel_columns(channels: Sequence[int]) -> tuple[int, ...]:
     """Columns of results that belong to some of the channels of an IMU."""
     return tuple(range(JUDGED.size)[ON_CHANNELS][c] for c in channels)
-

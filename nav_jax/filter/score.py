@@ -12,7 +12,6 @@ from nav_jax.imu.bank import SensorBank, by_channel
 from nav_jax.kinematics.linalg import root, transpose, whiten
 from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
 
-
 _POSE = len(NAVIGATION.columns(*GROUPS["pose"]))
 
 
@@ -67,8 +66,8 @@ def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting
     else:
         of_sensors = jnp.full_like(velocity, jnp.nan)
     known = {
-        "position": y[POSITION.stop - 1], "velocity": velocity, "attitude": attitude, "pose": y[_POSE - 1], "navigation": y[-1],
-        "sensors": of_sensors,
+        "position": y[POSITION.stop - 1], "velocity": velocity, "attitude": attitude, "pose": y[_POSE - 1],
+        "navigation": y[-1], "sensors": of_sensors,
     }  # fmt: skip
     return Judgement(error, root(variance), N[POSITION, POSITION], jnp.stack([known[group] for group in GROUPS]))
 

@@ -44,8 +44,8 @@ class Covariances(Judged):
         Epochs in s, shape (E,).
     true, claimed
         Second moments of the errors, and what the filter says of them: position (m), velocity (m/s), attitude (rad) and
-        the errors of the estimated sensor errors (m/s^2, rad/s), columns `JUDGED`, shape (E, C, C). The blocks between navigation and
-        sensors are not kept and NaN.
+        the errors of the estimated sensor errors (m/s^2, rad/s), rows and columns as of `nav_jax.filter.layout.JUDGED`.
+        The blocks between navigation and sensors are not kept and NaN.
     channels
         Columns of the sensors on which the filter has a state.
     fixes

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from nav_jax.filter.layout import QUANTITIES
 from nav_jax.lincov.analysis import Covariances
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.calibration import CalibrationEffect
-from nav_jax.filter.layout import QUANTITIES
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
 from nav_jax.plotting.runs import COLOURS, grid, logarithmic, shade

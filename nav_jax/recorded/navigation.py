@@ -17,8 +17,8 @@ from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.ekf import NavState
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.loop import run_estimate
 from nav_jax.filter.layout import JUDGED, NAVIGATION, ON_CHANNELS
+from nav_jax.filter.loop import run_estimate
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
@@ -44,7 +44,7 @@ class Navigation:
         Epochs of what follows, s, shape (E,).
     sd
         Standard deviations of position N, E, D (m), velocity (m/s), attitude (rad, rotation vector in n) and of the
-        estimated errors of accelerometers (m/s^2) and gyros (rad/s), columns `nav_jax.filter.layout.JUDGED`, shape (E, C).
+        estimated errors of accelerometers (m/s^2) and gyros (rad/s): the columns of `nav_jax.filter.layout.JUDGED`.
     sensor_errors
         Estimated errors of accelerometer x, y, z and gyro x, y, z, shape (E, 6).
     innovation, nis
@@ -63,10 +63,7 @@ class Navigation:
 
     def __repr__(self) -> str:
         last = self.sd[-1]
-        rows = [
-            [b.name, b.unit, *(f"{x:.3g}" for x in last[JUDGED[b.name]])]
-            for b in NAVIGATION.blocks
-        ]
+        rows = [[b.name, b.unit, *(f"{x:.3g}" for x in last[JUDGED[b.name]])] for b in NAVIGATION.blocks]
         lines = [
             f"Navigation from {self.trajectory.time[0]:g} to {self.trajectory.time[-1]:g} s: {self.status.sentence}",
             f"standard deviations at {self.time[-1]:g} s",

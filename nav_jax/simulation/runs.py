@@ -44,8 +44,8 @@ class Runs:
     time
         Epochs in s.
     error
-        Estimate - truth, columns `nav_jax.filter.layout.JUDGED` in SI. The last six are errors of the estimated sensor errors: the sum of
-        the states of that axis minus the true error without its white part.
+        Estimate - truth, columns `nav_jax.filter.layout.JUDGED` in SI. The last six are errors of the estimated sensor
+        errors: the sum of the states of that axis minus the true error without its white part.
     sd
         Standard deviations that the filter states for them; 0 where it has no state on that axis.
     position_covariance
