@@ -20,6 +20,8 @@ Percival, D. B. & Walden, A. T. (2000). Wavelet Methods for Time Series Analysis
 IEEE Std 952-1997, annex C. Guide for single-axis interferometric fibre-optic gyros.
 """
 
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+
 from gmwm_jax import fitting as fitting
 from gmwm_jax import inference as inference
 from gmwm_jax import multisignal as multisignal
@@ -60,5 +62,18 @@ from gmwm_jax.recordings import save_recording as save_recording
 from gmwm_jax.regression import regress as regress
 from gmwm_jax.variance import allan_deviation as allan_deviation
 from gmwm_jax.variance import wavelet_variance as wavelet_variance
+
+if _TYPE_CHECKING:
+    from gmwm_jax import plotting as plotting
+else:
+
+    def __getattr__(name):
+        """Import the figures, and with them Matplotlib, when somebody asks for them."""
+        if name != "plotting":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        import gmwm_jax.plotting
+
+        return gmwm_jax.plotting
+
 
 __version__ = "0.1.0"

@@ -23,6 +23,8 @@ Sola, J. (2017). Quaternion kinematics for the error-state Kalman filter. arXiv:
 Bar-Shalom, Y., Li, X. R. & Kirubarajan, T. (2001). Estimation with Applications to Tracking and Navigation, ch. 5.
 """
 
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+
 from nav_jax import aiding as aiding
 from nav_jax import filter as filter
 from nav_jax import imu as imu
@@ -56,3 +58,15 @@ from nav_jax.simulation import monte_carlo as monte_carlo
 from nav_jax.trajectory import Trajectory as Trajectory
 from nav_jax.trajectory import motions as motions
 from nav_jax.trajectory import read_trajectory as read_trajectory
+
+if _TYPE_CHECKING:
+    from nav_jax import plotting as plotting
+else:
+
+    def __getattr__(name):
+        """Import the figures, and with them Matplotlib, when somebody asks for them."""
+        if name != "plotting":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        import nav_jax.plotting
+
+        return nav_jax.plotting

@@ -9,15 +9,12 @@ from pathlib import Path
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
 
 import jax
-import matplotlib
-import matplotlib.pyplot as plt
 import pytest
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_num_cpu_devices", 2)
-matplotlib.use("Agg")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -37,11 +34,16 @@ def quick_compilation():
     gc.collect()
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    """A figure that a test leaves open is none of the next one's business."""
-    yield
-    plt.close("all")
+@pytest.fixture
+def rendered_figures(monkeypatch):
+    """Draw each figure that the test has made, which is when layout and fonts complain (warnings are errors)."""
+    from gmwm_jax._internal import figures
+
+    made, canvas = [], figures.FigureCanvasAgg
+    monkeypatch.setattr(figures, "FigureCanvasAgg", lambda figure: made.append(figure) or canvas(figure))
+    yield made
+    for figure in made:
+        figure.canvas.draw()
 
 
 @pytest.fixture(scope="session")

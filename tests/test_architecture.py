@@ -66,6 +66,9 @@ HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "
 
 LEAVES = {"plotting", "app", "__main__"}
 
+FIGURES = "_internal/figures"
+"""What the rooms `plotting` of both packages share; it imports matplotlib, and nobody else imports it."""
+
 MAX_NAMES_OF_FITTING = 20
 """By which other rooms may know the room `fitting`; it may only fall."""
 
@@ -163,7 +166,7 @@ def wrong(at, package, file, i, packages):
     top = i.module.split(".")[0]
     if top == "":
         return [f"{at}: relative import; name the file in full"]
-    if top in HEAVY and room_of(file) not in LEAVES and not (i.in_function or i.typing_only):
+    if top in HEAVY and file != FIGURES and room_of(file) not in LEAVES and not (i.in_function or i.typing_only):
         return [f"{at}: {top} is imported on import of the package; import it where it is used"]
     if top not in packages:
         return []
@@ -173,6 +176,8 @@ def wrong(at, package, file, i, packages):
     if seen is None:
         return [f"{at}: there is no {i.module}"]
     target, name = seen
+    if target == FIGURES and room_of(file) != "plotting":
+        return [f"{at}: {FIGURES} is for the rooms plotting"]
     return crossing(at, file, target) if top != package.name else inside(at, package, file, target, name)
 
 
@@ -284,6 +289,8 @@ def test_every_room_says_what_lives_there():
         ("gmwm_jax/fitting/fit.py", "def f():\n    from gmwm_jax.plotting.fit import plot_fit", "is not below"),
         ("gmwm_jax/plotting/fit.py", "from gmwm_jax.app.cli import app", "app is not below plotting"),
         ("gmwm_jax/variance/haar.py", "import matplotlib.pyplot as plt", "matplotlib is imported on import"),
+        ("gmwm_jax/variance/haar.py", "from gmwm_jax._internal.figures import frames", "is for the rooms plotting"),
+        ("nav_jax/imu/errors.py", "from gmwm_jax._internal.figures import frames", "is for the rooms plotting"),
         ("gmwm_jax/units.py", "try:\n    import pyarrow\nexcept ImportError:\n    pass", "pyarrow is imported"),
         ("gmwm_jax/units.py", "class A:\n    from rdata import read_rda", "rdata is imported on import"),
         ("gmwm_jax/units.py", "def f():\n    import nav_jax", "knows nothing of nav_jax"),
@@ -301,6 +308,7 @@ def test_every_room_says_what_lives_there():
         ("gmwm_jax/units.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import matplotlib", None),
         ("gmwm_jax/units.py", "def f():\n    import pyarrow", None),
         ("gmwm_jax/__init__.py", "from gmwm_jax.variance.haar import scales", None),
+        ("nav_jax/plotting/runs.py", "from gmwm_jax._internal.figures import frames", None),
         ("nav_jax/imu/errors.py", "from gmwm_jax.variance import scales", None),
         ("nav_jax/filter/ekf.py", "from gmwm_jax.units import TAU\nfrom gmwm_jax._internal.checks import x64", None),
     ],
@@ -317,6 +325,7 @@ def test_the_rules_see_what_they_should(tmp_path, file, source, complaint):
         "gmwm_jax/plotting/fit.py": "def plot_fit(): ...",
         "gmwm_jax/app/cli.py": "app = 1",
         "gmwm_jax/_internal/checks.py": "def x64(): ...",
+        "gmwm_jax/_internal/figures.py": "import matplotlib\ndef frames(): ...",
         "gmwm_jax/processes/drift.py": "class DR: ...",
         file: source + ("\ndef blocks(): ..." if file.endswith("_blocks.py") else ""),
     }

@@ -5,8 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
-
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
@@ -40,7 +38,6 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
     Fits
         One fit a channel.
     """
-    plt.switch_backend("Agg")
     out.mkdir(parents=True, exist_ok=True)
     rec = datasets.simulated(_SENSOR, num_samples)
     say(f"{rec}\n")
@@ -61,7 +58,6 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
     }
     for name, figure in figures.items():
         write_atomically(out / name, lambda file, figure=figure: figure.savefig(file, format="png", dpi=140))
-        plt.close(figure)
     tables = "\n\n".join([*(f.summary() for f in fits.values()), repr(fits), comparison])
     write_atomically(out / "noise_model.txt", lambda file: file.write(f"{tables}\n".encode()))
     models = {"noise_model.json": fits} | {name: fit(wv, model, throw=False) for name, model in _SIMPLER.items()}

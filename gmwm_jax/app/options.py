@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-import matplotlib.pyplot as plt
 import typer
 from matplotlib.figure import Figure
 
@@ -144,10 +143,8 @@ def write_figure(path: Path | None, draw: Callable[[], Figure]) -> None:
     """Draw and write, if a file is named."""
     if path is None:
         return
-    plt.switch_backend("Agg")
     figure = draw()
     write_atomically(path, lambda file: figure.savefig(file, format=path.suffix.lower().lstrip("."), dpi=150))
-    plt.close(figure)
 
 
 def beside(path: Path | None, what: str) -> Path | None:

@@ -4,13 +4,14 @@ import enum
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
@@ -21,9 +22,6 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.gap_covariance import covariance_under
 from gmwm_jax.variance.wavelet import WaveletVariance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Status(enum.Enum):
@@ -36,7 +34,7 @@ class Status(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Fit:
+class Fit(Drawable):
     """A model fitted to the wavelet variance of one channel.
 
     Attributes
@@ -288,22 +286,13 @@ class Fit:
             result["datasheet"] = self.datasheet().to_list()
         return result
 
-    def plot(self, **options: Any) -> "Figure":
-        """Wavelet variance, fit and components over scale with the residuals below.
-
-        See `gmwm_jax.plotting.plot_fit`.
-        """
-        from gmwm_jax.plotting.figures import plot_fit
-
-        return plot_fit(self, **options)
-
 
 def _lines(model: Composite) -> Array:
     return model.parameter_lines()
 
 
 @dataclass(frozen=True, repr=False)
-class Fits(Mapping[str, Fit]):
+class Fits(Mapping[str, Fit], Drawable):
     """The fits of one model to several channels, by name of the channel."""
 
     fits: tuple[Fit, ...]
@@ -333,9 +322,3 @@ class Fits(Mapping[str, Fit]):
         ]
         foot = "\n* at its boundary" if any(f.at_boundary for f in self.fits) else ""
         return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """A panel a channel, see `gmwm_jax.plotting.figures.plot_fits`."""
-        from gmwm_jax.plotting.figures import plot_fits
-
-        return plot_fits(self, **options)

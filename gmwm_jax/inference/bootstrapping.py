@@ -5,7 +5,7 @@ The wavelet variances of the replicates are those of simulated records, or drawn
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.refit import Refits, refit
@@ -22,14 +23,11 @@ from gmwm_jax.fitting.weights import require_theory
 from gmwm_jax.inference.intervals import continuous_intervals, interval, replicates_needed
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 RECORDS, VARIANCES = "records", "variances"
 
 
 @dataclass(frozen=True, repr=False)
-class Bootstrap:
+class Bootstrap(Drawable):
     """B replicates of a fit.
 
     Attributes
@@ -160,12 +158,6 @@ class Bootstrap:
             result["continuous"] = self.continuous().to_list() if enough else None
             result["datasheet"] = self.datasheet().to_list() if enough else None
         return result
-
-    def plot(self) -> "Figure":
-        """Replicates of each parameter with estimate and intervals, see `gmwm_jax.plotting.bootstrap`."""
-        from gmwm_jax.plotting.bootstrap import plot_bootstrap
-
-        return plot_bootstrap(self)
 
 
 _CHUNK = 64

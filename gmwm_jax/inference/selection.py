@@ -10,7 +10,7 @@ under the superset forgives: it is tested with its own. The simplest that passes
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,6 +20,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import confidence, integer, typed_key
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
@@ -36,9 +37,6 @@ from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.gap_covariance import covariance_under
 from gmwm_jax.variance.replicates import theory_draws
 from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _REJECTED = 0.01
 
@@ -111,7 +109,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, repr=False)
-class Selection(Mapping[str, Candidate]):
+class Selection(Mapping[str, Candidate], Drawable):
     """Candidates for one channel, the best first; those contained in smaller ones, and failed fits, come last.
 
     Attributes
@@ -208,15 +206,9 @@ class Selection(Mapping[str, Candidate]):
             "fit": self.recommended.fit.to_dict(),
         }
 
-    def plot(self) -> "Figure":
-        """Differences of the criterion with their intervals, see `gmwm_jax.plotting.selection`."""
-        from gmwm_jax.plotting.selection import plot_selection
-
-        return plot_selection(self)
-
 
 @dataclass(frozen=True, repr=False)
-class Selections(Mapping[str, Selection]):
+class Selections(Mapping[str, Selection], Drawable):
     """Selections for several channels, by name of the channel."""
 
     selections: tuple[Selection, ...]
@@ -244,12 +236,6 @@ class Selections(Mapping[str, Selection]):
             rows.append([channel, s.superset.unit, r.name, str(r.num_parameters), *numbers, s.best.name])
         head = ["channel", "unit", "recommended", "parameters", "objective", "WVIC", "p of fit", "equivalent", "lowest"]
         return f"Model selections, of {len(self.selections[0])} models each\n{format_table(head, rows, left=3)}"
-
-    def plot(self) -> "Figure":
-        """A panel a channel, see `gmwm_jax.plotting.selection`."""
-        from gmwm_jax.plotting.selection import plot_selections
-
-        return plot_selections(self)
 
 
 Model = str | AbstractProcess | Composite

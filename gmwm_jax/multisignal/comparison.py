@@ -11,22 +11,19 @@ the vector of all parameters and their covariances tests them together.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import chdtrc
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.standard_errors import parameter_covariance
 from gmwm_jax.fitting.weights import require_theory
 from gmwm_jax.multisignal.joint import JointFit, one_channel
 from gmwm_jax.processes.parameter import Parameter
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ class ParameterSpread:
 
 
 @dataclass(frozen=True, repr=False)
-class RecordComparison:
+class RecordComparison(Drawable):
     """Estimates from single records, and how they differ.
 
     Attributes
@@ -133,12 +130,6 @@ class RecordComparison:
             "scatter: standard deviation of the logs; by error: what it would be with the same parameters; between: "
             "what is left of it (0.1 is 10 %)"
         )
-
-    def plot(self) -> "Figure":
-        """Each parameter by record, see `gmwm_jax.plotting.multisignal.plot_record_comparison`."""
-        from gmwm_jax.plotting.multisignal import plot_record_comparison
-
-        return plot_record_comparison(self)
 
 
 def compare_records(joint: JointFit) -> RecordComparison:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -21,6 +21,7 @@ from jaxtyping import Bool, Float
 from scipy.special import stdtrit
 
 from gmwm_jax._internal.checks import confidence, integer, typed_key
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.multisignal._pool import as_records
@@ -28,9 +29,6 @@ from gmwm_jax.multisignal._refit import joint_refit
 from gmwm_jax.multisignal.joint import JointFit, fit_records
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class ModelScore:
 
 
 @dataclass(frozen=True, repr=False)
-class CrossValidation(Mapping[str, ModelScore]):
+class CrossValidation(Mapping[str, ModelScore], Drawable):
     """A comparison of models by records left out; ``cv["WN + GM"]`` is the row of a model, the best first.
 
     Attributes
@@ -130,12 +128,6 @@ class CrossValidation(Mapping[str, ModelScore]):
             f"{int(self.splits[0].sum())}, compared on the rest{note}\n{format_table(head, rows)}\n"
             f"equivalent: the {100 * self.level:g} % interval of the difference to the best holds zero"
         )
-
-    def plot(self) -> "Figure":
-        """Differences to the best model, see `gmwm_jax.plotting.multisignal.plot_cross_validation`."""
-        from gmwm_jax.plotting.multisignal import plot_cross_validation
-
-        return plot_cross_validation(self)
 
 
 def cross_validate(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -29,9 +29,6 @@ from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Fixed
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.variance.wavelet import WaveletVariance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,24 +163,12 @@ class JointFit(Fit):
         ]
         return {**super().to_dict(), "records": records}
 
-    def plot(self, **options: Any) -> "Figure":
-        """All records with the joint fit and the single ones, see `gmwm_jax.plotting.multisignal.plot_joint_fit`."""
-        from gmwm_jax.plotting.multisignal import plot_joint_fit
-
-        return plot_joint_fit(self, **options)
-
 
 @dataclass(frozen=True, repr=False)
 class JointFits(Fits):
     """The joint fits of one model to several channels, by name of the channel."""
 
     fits: tuple[JointFit, ...]
-
-    def plot(self, **options: Any) -> "Figure":
-        """A panel a channel, see `gmwm_jax.plotting.multisignal.plot_joint_fits`."""
-        from gmwm_jax.plotting.multisignal import plot_joint_fits
-
-        return plot_joint_fits(self, **options)
 
 
 def one_channel(joint: Any, caller: str) -> JointFit:

@@ -8,7 +8,7 @@ record ("near-stationary" records, each stationary by itself), and also where th
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.weights import COVARIANCE, TWO_STEP, require_theory
@@ -25,12 +26,9 @@ from gmwm_jax.multisignal._refit import CHUNK, joint_refit
 from gmwm_jax.multisignal.joint import JointFit, one_channel
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 @dataclass(frozen=True, repr=False)
-class NearStationarity:
+class NearStationarity(Drawable):
     """The test, and what it is made of.
 
     Attributes
@@ -78,15 +76,6 @@ class NearStationarity:
             f"p = {self.p_value:.3g}\n"
             "A small p: parameters change from record to record, or the model is wrong."
         )
-
-    def plot(self) -> "Figure":
-        """Objectives of the replicates with that of the data.
-
-        See `gmwm_jax.plotting.plot_near_stationarity`.
-        """
-        from gmwm_jax.plotting.multisignal import plot_near_stationarity
-
-        return plot_near_stationarity(self)
 
 
 def near_stationarity(

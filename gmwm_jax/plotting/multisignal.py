@@ -1,19 +1,18 @@
 """Figures of several records: joint fit, parameters by record, test of near-stationarity, cross-validation."""
 
 import math
-from collections.abc import Sequence
 from itertools import cycle
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.figures import GivenAxes, frames
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.multisignal.comparison import RecordComparison
 from gmwm_jax.multisignal.cross_validation import CrossValidation
 from gmwm_jax.multisignal.joint import JointFit, JointFits
 from gmwm_jax.multisignal.stationarity import NearStationarity
+from gmwm_jax.plotting._style import draw, large_and_small, pairs_of_frames
 
 _FIT, _DRAWS = "#c23b22", "#2a7f8e"
 _RECORDS = ("#2a7f8e", "#7a4fa3", "#d98e04", "#4c9a2a", "#1f4e79", "#b5628c")
@@ -21,7 +20,8 @@ _MOST_NAMES = 8
 """Records that a legend names one by one."""
 
 
-def plot_joint_fit(joint: JointFit, *, axes: Sequence[Axes] | None = None) -> Figure:
+@draw.register(JointFit)
+def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
     """Wavelet variances of all records, the joint fit, the range of the single fits; below, residuals of each record.
 
     Parameters
@@ -31,13 +31,7 @@ def plot_joint_fit(joint: JointFit, *, axes: Sequence[Axes] | None = None) -> Fi
     axes
         Two Axes to draw into; a new figure if left out.
     """
-    if axes is None:
-        figure, (top, bottom) = plt.subplots(
-            2, 1, sharex=True, figsize=(7, 6.6), height_ratios=(3, 1), layout="constrained"
-        )
-    else:
-        (top, bottom), figure = axes, axes[0].get_figure()
-        assert isinstance(figure, Figure)
+    figure, (top, bottom) = large_and_small(axes)
     rate, tau = joint.wv.rate or 1.0, joint.wv.scales
     dense = np.unique(2 * np.round(np.geomspace(tau[0], tau[-1], 200) / 2))
     if all(r.wv.num_scales >= joint.model.num_free for r in joint.records):
@@ -70,22 +64,19 @@ def plot_joint_fit(joint: JointFit, *, axes: Sequence[Axes] | None = None) -> Fi
     return figure
 
 
-def plot_joint_fits(joints: JointFits) -> Figure:
+@draw.register(JointFits)
+def plot_joint_fits(joints: JointFits, *, axes: GivenAxes | None = None) -> Figure:
     """One panel a channel, see `plot_joint_fit`.
 
     Parameters
     ----------
     joints
         The joint fits of several channels.
+    axes
+        Two Axes a channel to draw into, of shape (2, channels), the small ones below; a new figure if left out.
     """
-    columns = min(len(joints), 3)
-    rows = -(-len(joints) // columns)
-    figure = plt.figure(figsize=(4.8 * columns, 4.9 * rows), layout="constrained")
-    grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3, 1] * rows)
-    for i, joint in enumerate(joints.fits):
-        row, column = divmod(i, columns)
-        top = figure.add_subplot(grid[2 * row, column])
-        bottom = figure.add_subplot(grid[2 * row + 1, column], sharex=top)
+    figure, pairs = pairs_of_frames(axes, len(joints), 4.8, 0.0)
+    for i, (joint, (top, bottom)) in enumerate(zip(joints.values(), pairs, strict=True)):
         plot_joint_fit(joint, axes=(top, bottom))
         top.set_title(f"{joint.wv.channels[0]}: objective {joint.objective:.4g}", fontsize=10)
         top.tick_params(labelbottom=False)
@@ -95,24 +86,25 @@ def plot_joint_fits(joints: JointFits) -> Figure:
     return figure
 
 
-def plot_record_comparison(comparison: RecordComparison) -> Figure:
+@draw.register(RecordComparison)
+def plot_record_comparison(comparison: RecordComparison, *, axes: GivenAxes | None = None) -> Figure:
     """A panel a parameter: each record's estimate with its interval, and the joint estimate.
 
     Parameters
     ----------
     comparison
         Of one channel.
+    axes
+        An Axes for each parameter to draw into; a new figure if left out.
     """
     joint, spreads = comparison.joint, comparison.spreads
     columns = min(3, len(spreads))
     rows = math.ceil(len(spreads) / columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(4.2 * columns, 3.2 * rows), layout="constrained", squeeze=False)
-    for ax in axes.ravel()[len(spreads) :]:
-        ax.remove()
+    figure, drawn = frames(axes, rows, columns, (4.2 * columns, 3.2 * rows), num=len(spreads))
     numbers = np.arange(1, len(joint.records) + 1)
     parameters = {(label, q.name): (q, q.unit.format(u=joint.unit), value) for label, q, value in _parameters(joint)}
     z = normal_quantile(joint.level)
-    for i, (ax, spread) in enumerate(zip(axes.ravel(), spreads, strict=False)):
+    for i, (ax, spread) in enumerate(zip(drawn, spreads, strict=True)):
         q, unit, value = parameters[spread.component, spread.symbol]
         x, half = comparison.estimates[:, i], z * np.sqrt(comparison.covariances[:, i, i])
         at, low, high = (np.asarray(q.from_line(e)) for e in (x, x - half, x + half))
@@ -128,10 +120,11 @@ def plot_record_comparison(comparison: RecordComparison) -> Figure:
             ax.set_yscale("log")
         ax.set_title(f"p = {spread.p_value:.2g}, between records {100 * spread.between:.2g} %", fontsize=9)
         ax.set_xlim(0.5, len(numbers) + 0.5)
-    axes[0, 0].legend(fontsize=7)
-    figure.suptitle(
-        f"{joint.wv.channels[0]}: the same in all {len(numbers)} records? p = {comparison.p_value:.2g}", fontsize=10
-    )
+    drawn[0].legend(fontsize=7)
+    if axes is None:
+        figure.suptitle(
+            f"{joint.wv.channels[0]}: the same in all {len(numbers)} records? p = {comparison.p_value:.2g}", fontsize=10
+        )
     return figure
 
 
@@ -142,15 +135,18 @@ def _parameters(joint: JointFit):
             yield label, q, float(value)
 
 
-def plot_near_stationarity(test: NearStationarity) -> Figure:
+@draw.register(NearStationarity)
+def plot_near_stationarity(test: NearStationarity, *, axes: GivenAxes | None = None) -> Figure:
     """Joint objectives of records with the same parameters, and that of the data.
 
     Parameters
     ----------
     test
         Of one channel.
+    axes
+        The Axes to draw into; a new figure if left out.
     """
-    figure, ax = plt.subplots(figsize=(6, 3.6), layout="constrained")
+    figure, (ax,) = frames(axes, 1, 1, (6, 3.6))
     good = test.objective[test.converged]
     far = test.joint.objective > 3 * good.max() or test.joint.objective < good.min() / 3
     bins = np.geomspace(good.min(), good.max(), 31) if far else 30
@@ -165,15 +161,18 @@ def plot_near_stationarity(test: NearStationarity) -> Figure:
     return figure
 
 
-def plot_cross_validation(cv: CrossValidation) -> Figure:
+@draw.register(CrossValidation)
+def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None) -> Figure:
     """Difference of each model to the best, with its standard error over records.
 
     Parameters
     ----------
     cv
         Of one channel.
+    axes
+        The Axes to draw into; a new figure if left out.
     """
-    figure, ax = plt.subplots(figsize=(6.4, 0.9 + 0.42 * len(cv)), layout="constrained")
+    figure, (ax,) = frames(axes, 1, 1, (6.4, 0.9 + 0.42 * len(cv)))
     chosen = cv.recommended
     for y, p in enumerate(cv.scores):
         colour = _FIT if p is chosen else _DRAWS if p.equivalent else "0.55"

@@ -13,13 +13,14 @@ import numpy as np
 from jaxtyping import Float64
 
 from gmwm_jax._internal.checks import finite_record, present_samples, sampling_rate, time_first
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import FloatLike, Names
 from gmwm_jax.units import SI_SIGNALS, SignalUnit, signal_unit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recording:
+class Recording(Drawable):
     """Samples of one or several sensors, taken together at one rate. Build it with `from_array`.
 
     Attributes
@@ -155,12 +156,6 @@ class Recording:
     def items(self) -> Iterator[tuple[str, Float64[np.ndarray, " samples"]]]:
         """Iterate over (channel name, samples of shape (N,))."""
         return ((name, self.data[:, i]) for i, name in enumerate(self.channels))
-
-    def plot(self) -> Any:
-        """Plot every channel over time; see `gmwm_jax.plotting.figures.plot_recording`."""
-        from gmwm_jax.plotting.figures import plot_recording
-
-        return plot_recording(self)
 
     def __getitem__(self, key: str | SupportsIndex | Sequence[str | SupportsIndex]) -> "Recording":
         """Select channels by name, group, position, or a list of these.

@@ -23,13 +23,14 @@ Missing samples: skipped in the whitening, and a wavelet variance by pairs of sa
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, sampling_rate
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
@@ -52,9 +53,6 @@ from gmwm_jax.variance.gaps import (
 )
 from gmwm_jax.variance.haar import degrees_of_freedom, interval_factors, scales
 from gmwm_jax.variance.wavelet import WaveletVariance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MAX_ROUNDS = 20
 _UNCHANGED = 1e-3
@@ -111,7 +109,7 @@ class Coefficients(Mapping[str, Coefficient]):
 
 
 @dataclass(frozen=True, repr=False)
-class Regression:
+class Regression(Drawable):
     """A regression with dependent errors.
 
     Attributes
@@ -175,12 +173,6 @@ class Regression:
                 f"Noise: {self.noise.parameters()}",
             ]
         )
-
-    def plot(self) -> "Figure":
-        """Data with their fit, residuals, and the noise, see `gmwm_jax.plotting.figures.plot_regression`."""
-        from gmwm_jax.plotting.figures import plot_regression
-
-        return plot_regression(self)
 
 
 def regress(

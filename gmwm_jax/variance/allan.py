@@ -9,25 +9,22 @@ alternative to: both see one process at a time and are biased where two overlap.
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FLICKER_FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """0.664: the Allan deviation of flicker noise (bias instability) of coefficient B is 0.664 B at its flat bottom."""
 
 
 @dataclass(frozen=True, repr=False)
-class AllanDeviation:
+class AllanDeviation(Drawable):
     """Overlapping Allan deviation; arrays (J,) for one channel, (J, C) for several.
 
     Attributes
@@ -59,12 +56,6 @@ class AllanDeviation:
             columns += [self.ci_low[:, None], self.ci_high[:, None]]
         rows = [[number(x) for x in row] for row in np.hstack(columns)]
         return f"Overlapping Allan deviation at {sampling_rate(self.wv.rate):g} Hz\n{format_table(head, rows, left=0)}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """Log-log figure with the confidence band, see `gmwm_jax.plotting.figures.plot_allan_deviation`."""
-        from gmwm_jax.plotting.figures import plot_allan_deviation
-
-        return plot_allan_deviation(self, **options)
 
 
 def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = None) -> AllanDeviation:

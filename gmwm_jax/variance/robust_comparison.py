@@ -6,21 +6,19 @@ variance of the difference of the logarithms is the difference of the variances,
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.outliers import OutlierRun
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.haar import degrees_of_freedom
 from gmwm_jax.variance.robust import biweight, widening
 from gmwm_jax.variance.wavelet import WaveletVariance, wavelet_variance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _CHANCE = 0.05
 """That a clean record has a scale marked, or that it has a sample marked: each over all scales or samples together."""
@@ -29,7 +27,7 @@ _SHOWN = 10
 
 
 @dataclass(frozen=True, repr=False)
-class RobustComparison:
+class RobustComparison(Drawable):
     """Result of `compare_robust`, for one channel and J scales.
 
     Attributes
@@ -86,12 +84,6 @@ class RobustComparison:
             lines[-1] += f", the {len(rows)} largest:" if len(self.runs) > _SHOWN else ":"
             lines.append(format_table(head, rows, left=0))
         return "\n".join(lines)
-
-    def plot(self, **options: Any) -> "Figure":
-        """Both with their bands, see `gmwm_jax.plotting.figures.plot_robust_comparison`."""
-        from gmwm_jax.plotting.figures import plot_robust_comparison
-
-        return plot_robust_comparison(self, **options)
 
 
 def compare_robust(

@@ -4,7 +4,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,6 +21,7 @@ from gmwm_jax._internal.checks import (
     time_first,
     unmasked,
 )
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.units import require_si
@@ -29,12 +30,9 @@ from gmwm_jax.variance.gaps import variance_by_pairs
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, haar_dwt_variance, interval_factors, scales
 from gmwm_jax.variance.robust import biweight, robust_wavelet_variance, widening
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 @dataclass(frozen=True, repr=False)
-class WaveletVariance:
+class WaveletVariance(Drawable):
     """Haar wavelet variance of one channel, arrays of shape (J,), or of C channels, (J, C).
 
     Attributes
@@ -195,12 +193,6 @@ class WaveletVariance:
         table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
         robust = f"Robust (efficiency {self.efficiency:g}) " if self.efficiency else ""
         return f"{robust}Haar wavelet variance of {what}{samples}{rate}\n{table}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """Log-log figure with the confidence band, see `gmwm_jax.plotting.figures.plot_wavelet_variance`."""
-        from gmwm_jax.plotting.figures import plot_wavelet_variance
-
-        return plot_wavelet_variance(self, **options)
 
 
 def wavelet_variance(

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
-from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis, plot_trajectory
+from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis
 from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
+from nav_jax.plotting.trajectory import plot_trajectory
 from nav_jax.simulation.comparison import Comparison
 
 TEXT, CONTENT = "comparison.txt", "comparison.json"
@@ -59,14 +59,12 @@ def write_files(
     folder: Path, texts: Mapping[str, str], figures: Iterable[tuple[str, Callable[[], Figure]]]
 ) -> list[str]:
     """Write texts and figures by the names of their files into a folder; returns these names."""
-    plt.switch_backend("Agg")
     for name, text in texts.items():
         write_atomically(folder / name, lambda file, text=text: file.write(f"{text.rstrip()}\n".encode()))
     drawn = []
     for name, draw in figures:
         figure = draw()
         write_atomically(folder / name, lambda file, figure=figure: figure.savefig(file, format="png", dpi=120))
-        plt.close(figure)
         drawn.append(name)
     return [*texts, *drawn]
 

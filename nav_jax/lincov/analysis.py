@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 from jaxtyping import Float64
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -25,15 +25,12 @@ from nav_jax.statistics.distributions import chi2_quantile, weighted_chi2_cdf
 from nav_jax.statistics.epochs import Judged
 from nav_jax.trajectory.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 _SINGULAR = 1e-13
 """Smallest eigenvalue of a matrix of correlations that is more than rounding."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Covariances(Judged):
+class Covariances(Judged, Drawable):
     """True and claimed covariance of one filter along a reference.
 
     Attributes
@@ -149,15 +146,9 @@ class Covariances(Judged):
         head = ["", "unit", "true rms", "claimed rms", "NEES / dof"]
         return f"{self.name}: linear covariances at {self.time[k]:g} s\n{format_table(head, rows, left=2)}{notes}"
 
-    def plot(self, **options: Any) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_analysis`."""
-        from nav_jax.plotting.lincov import plot_analysis
-
-        return plot_analysis({self.name: self}, **options)
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Analysis(Mapping[str, Covariances]):
+class Analysis(Mapping[str, Covariances], Drawable):
     """Several filters along one reference: a mapping from their names."""
 
     filters: Mapping[str, Covariances]
@@ -192,12 +183,6 @@ class Analysis(Mapping[str, Covariances]):
                 notes.setdefault(note, []).append(c.name)
         lines += [f"truth: {self.truth}", "", format_table(head, rows)]
         return "\n".join([*lines, *(f"note on {', '.join(of)}: {note}" for note, of in notes.items())])
-
-    def plot(self, **options: Any) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_analysis`."""
-        from nav_jax.plotting.lincov import plot_analysis
-
-        return plot_analysis(self.filters, **options)
 
 
 def analyse(

@@ -6,7 +6,7 @@ moments add up to that of the error, exactly. All sources go through one compile
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -31,12 +32,9 @@ from nav_jax.lincov.covariance import Noise, covariances_of_many, motion_of, noi
 from nav_jax.statistics.epochs import Judged
 from nav_jax.trajectory.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Budget(Judged):
+class Budget(Judged, Drawable):
     """Mean squares of a filter's errors, by source.
 
     Attributes
@@ -85,12 +83,6 @@ class Budget(Judged):
 
     def __repr__(self) -> str:
         return f"Error budget at {self.time[self.epoch()]:g} s: parts of the mean square\n{self.table()}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_budget`."""
-        from nav_jax.plotting.lincov import plot_budget
-
-        return plot_budget(self, **options)
 
 
 class _Weights(eqx.Module):

@@ -7,7 +7,7 @@ knew the truth would be better by so much: that is the most that a longer record
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ from jax import Array
 from jaxtyping import Float64, Key
 
 from gmwm_jax._internal.checks import integer, typed_key
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -30,15 +31,12 @@ from nav_jax.lincov.derivatives import rms_of
 from nav_jax.statistics.epochs import Judged
 from nav_jax.trajectory.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 _AT_ONCE = 16
 """Draws in one vectorised call."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CalibrationEffect(Judged):
+class CalibrationEffect(Judged, Drawable):
     """What the uncertainty of noise parameters does to navigation.
 
     Attributes
@@ -95,12 +93,6 @@ class CalibrationEffect(Judged):
             f"{self.table()}\nA perfect calibration would make errors smaller by {most:.2g} % at most, on average; "
             "the interval narrows with the root of the length of the recording."
         )
-
-    def plot(self, **options: Any) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_calibration`."""
-        from nav_jax.plotting.lincov import plot_calibration
-
-        return plot_calibration(self, **options)
 
 
 def calibration_effect(

@@ -6,7 +6,7 @@ the derivatives by what it believes vanish, and only those by the truth remain.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -30,9 +31,6 @@ from nav_jax.lincov.covariance import Noise, covariances_along, motion_of, noise
 from nav_jax.statistics.epochs import Judged
 from nav_jax.trajectory.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 def rms_of(navigation: Float[Array, "*L E nav nav"]) -> Float[Array, "*L Q E"]:
     """RMS of each of `QUANTITIES` from covariances."""
@@ -41,7 +39,7 @@ def rms_of(navigation: Float[Array, "*L E nav nav"]) -> Float[Array, "*L Q E"]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities(Judged):
+class Sensitivities(Judged, Drawable):
     """Derivatives of RMS errors by parameters.
 
     Attributes
@@ -87,12 +85,6 @@ class Sensitivities(Judged):
     def __repr__(self) -> str:
         title = f"d RMS / d log parameter at {self.time[self.epoch()]:g} s (logit of phi and of other bounded ones)"
         return f"{title}\n{self.table()}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_sensitivities`."""
-        from nav_jax.plotting.lincov import plot_sensitivities
-
-        return plot_sensitivities(self, **options)
 
 
 class _Problem:

@@ -14,12 +14,13 @@ one after the other, smaller ones first: each search also starts from the best s
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from gmwm_jax._internal.checks import integer
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
@@ -35,9 +36,6 @@ from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.statistics.epochs import inside_outages
 from nav_jax.trajectory.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 OBJECTIVES = ("score", "error")
 
@@ -108,7 +106,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design:
+class Design(Drawable):
     """The best filter of each structure, with fewer states first.
 
     Attributes
@@ -217,12 +215,6 @@ class Design:
         cut = "" if self.complete else " INTERRUPTED: the larger structures are missing."
         title = f"Filters designed for {where} by {self.objective}; * best for its number of states.{cut}"
         return f"{title}\n{self.table()}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_design`."""
-        from nav_jax.plotting.lincov import plot_design
-
-        return plot_design(self, **options)
 
 
 def design(

@@ -1,69 +1,32 @@
-"""Figures of trajectories and of several models beside each other: mean errors, consistency, innovations, overview.
+"""Figures of several models beside each other: mean errors, consistency, innovations, overview.
 
-Every function draws into given Axes, or makes a Figure (of pyplot, which also keeps it) and returns it; none shows,
-saves or closes anything. Bands of confidence move with the data; grey bands are where a consistent filter lies.
+Bands of confidence move with the data; grey bands are where a consistent filter lies.
 """
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from nav_jax.plotting.runs import COLOURS, figure_of, grid, logarithmic, plan_and_height, shade
+from gmwm_jax._internal.figures import GivenAxes, frames
+from nav_jax.plotting._style import COLOURS, DEGREES, draw, grid, logarithmic, shade
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.ranking import Ranking, common_runs
 from nav_jax.simulation.runs import Runs
 from nav_jax.statistics.energy import energy_score
 from nav_jax.statistics.summaries import Curve, coverage, mean_curve, mean_nees, mean_norm
-from nav_jax.trajectory.trajectory import Trajectory
 
 Models = Comparison | Runs | Mapping[str, Runs]
 """One model or several on common random numbers."""
 
-_DEGREES = 180 / np.pi
 _CONSISTENT = "0.82"
-_FLAT = 1.0
-"""m: less than this between lowest and highest is drawn as level."""
-
-
-def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True) -> Figure:
-    """Plan, height and attitude of a trajectory.
-
-    Parameters
-    ----------
-    trajectory
-        What to draw.
-    attitude
-        Whether roll, pitch and yaw are drawn too.
-    """
-    if attitude:
-        figure, grid_ = plt.subplot_mosaic([["plan", "height"], ["plan", "attitude"]], **_wide(10.5, 5.2))
-        ax = grid_["attitude"]
-        for colour, name, angle in zip(COLOURS, ("roll", "pitch", "yaw"), trajectory.euler.T, strict=False):
-            ax.plot(trajectory.time, _DEGREES * angle, color=colour, lw=1.2, label=name)
-        ax.set(xlabel="time [s]", ylabel="angle [deg]", title="attitude")
-        ax.legend(fontsize=8, ncols=3)
-        grid(ax)
-        figure, (plan, height) = plan_and_height((grid_["plan"], grid_["height"]))
-    else:
-        figure, (plan, height) = plan_and_height(None)
-    north, east, down = trajectory.position.T
-    plan.plot(east, north, color=COLOURS[0], lw=1.4)
-    plan.plot(east[0], north[0], "o", color=COLOURS[1], label="start")
-    plan.legend(fontsize=8)
-    height.plot(trajectory.time, -down, color=COLOURS[0], lw=1.4)
-    if np.ptp(down) < _FLAT:  # else the axis shows rounding
-        height.set_ylim(-down.mean() - _FLAT, -down.mean() + _FLAT)
-    plan.set_title(f"{trajectory.name or 'trajectory'}: plan")
-    return figure
 
 
 def plot_mean_errors(
-    models: Models, *, log: bool = False, level: float = 0.95, axes: Sequence[Axes] | None = None
+    models: Models, *, log: bool = False, level: float = 0.95, axes: GivenAxes | None = None
 ) -> Figure:
     """Mean position and orientation error of each model with its confidence band.
 
@@ -79,10 +42,10 @@ def plot_mean_errors(
         Two Axes to draw into; a new figure if left out.
     """
     by_name, chosen = _common(models)
-    figure, (left, right) = _frames(1, 2, axes, (10.5, 4.4))
+    figure, (left, right) = frames(axes, 1, 2, (10.5, 4.4), sharex=True)
     for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False):
         _draw_curve(left, r.time, mean_norm(r.errors("position", chosen), level), colour, name)
-        _draw_curve(right, r.time, mean_norm(r.errors("attitude", chosen), level), colour, name, _DEGREES)
+        _draw_curve(right, r.time, mean_norm(r.errors("attitude", chosen), level), colour, name, DEGREES)
     left.set(ylabel="mean position error [m]", title="position error")
     right.set(ylabel="mean orientation error [deg]", title="orientation error")
     for ax in (left, right):
@@ -99,7 +62,7 @@ def plot_consistency(
     *,
     groups: Sequence[str] = ("position", "pose", "navigation"),
     level: float = 0.95,
-    axes: np.ndarray | None = None,
+    axes: GivenAxes | None = None,
 ) -> Figure:
     """Mean NEES over its expectation, and coverage, of groups of states, with the bands of a consistent filter.
 
@@ -112,14 +75,13 @@ def plot_consistency(
     level
         Of the bands, and of the region whose coverage is counted.
     axes
-        Shape (2, groups) to draw into; a new figure if left out.
+        Two Axes a group to draw into, of shape (2, groups); a new figure if left out.
     """
     by_name, chosen = _common(models)
     alone = axes is None
-    if axes is None:
-        size = (1.5 + 4 * len(groups), 6.4)
-        _, axes = plt.subplots(2, len(groups), sharex=True, squeeze=False, figsize=size, layout="constrained")
-    for (top, bottom), group in zip(axes.T, groups, strict=True):
+    size = (1.5 + 4 * len(groups), 6.4)
+    figure, drawn = frames(axes, 2, len(groups), size, sharex=True)
+    for top, bottom, group in zip(drawn[: len(groups)], drawn[len(groups) :], groups, strict=True):
         shown = {
             name: (colour, r)
             for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False)
@@ -147,10 +109,12 @@ def plot_consistency(
         _finish(bottom, by_name, band, "lower left")
         if alone:
             top.set_xlabel("")
-    return figure_of(axes[0, 0])
+    return figure
 
 
-def plot_nis(models: Models, *, sensors: Sequence[str] | None = None, level: float = 0.95) -> Figure:
+def plot_nis(
+    models: Models, *, sensors: Sequence[str] | None = None, level: float = 0.95, axes: GivenAxes | None = None
+) -> Figure:
     """Mean NIS of each aiding sensor over its expectation, with the band of a consistent filter.
 
     Parameters
@@ -161,6 +125,8 @@ def plot_nis(models: Models, *, sensors: Sequence[str] | None = None, level: flo
         A row each; all by default.
     level
         Of the band.
+    axes
+        An Axes for each sensor to draw into; a new figure if left out.
     """
     by_name, chosen = _common(models)
     there = list(dict.fromkeys(s for r in by_name.values() for s in r.nis if len(r.nis_time[s])))
@@ -169,8 +135,8 @@ def plot_nis(models: Models, *, sensors: Sequence[str] | None = None, level: flo
         raise ValueError(f"There are no innovations of {', '.join(unknown)}, only of {', '.join(there) or 'nothing'}.")
     if not names:
         raise ValueError("There are no innovations to draw: these runs have no fixes.")
-    figure, axes = _frames(len(names), 1, None, (8.5, 0.8 + 2.6 * len(names)))
-    for ax, sensor in zip(axes, names, strict=True):
+    figure, drawn = frames(axes, len(names), 1, (8.5, 0.8 + 2.6 * len(names)), sharex=True)
+    for ax, sensor in zip(drawn, names, strict=True):
         for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False):
             if sensor not in r.nis:
                 continue
@@ -185,7 +151,10 @@ def plot_nis(models: Models, *, sensors: Sequence[str] | None = None, level: flo
     return figure
 
 
-def plot_comparison(comparison: Comparison, *, at: float | None = None, level: float = 0.95) -> Figure:
+@draw.register(Comparison)
+def plot_comparison(
+    comparison: Comparison, *, at: float | None = None, level: float = 0.95, axes: GivenAxes | None = None
+) -> Figure:
     """All models at a glance: mean errors, energy score, consistency of the pose, and which differences are real.
 
     Parameters
@@ -196,11 +165,12 @@ def plot_comparison(comparison: Comparison, *, at: float | None = None, level: f
         Time in s at which they are judged, see `Comparison.table`.
     level
         Of all bands and intervals.
+    axes
+        Six Axes to draw into, as in two rows of three; a new figure if left out.
     """
     table = comparison.table(at, level)
     by_name, chosen = _common(comparison)
-    figure, axes = plt.subplots(2, 3, figsize=(15, 8), layout="constrained")
-    (position, orientation, score), (nees, covered, pairs) = axes
+    figure, (position, orientation, score, nees, covered, pairs) = frames(axes, 2, 3, (15, 8))
     plot_mean_errors(comparison, level=level, axes=(position, orientation))
     for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False):
         each = energy_score(r.errors("position", chosen), r.select(r.position_covariance, chosen))
@@ -208,14 +178,15 @@ def plot_comparison(comparison: Comparison, *, at: float | None = None, level: f
     score.set(ylabel="mean energy score [m]", title="energy score of the position (lower is better)")
     score.set_ylim(bottom=0)
     _finish(score, by_name, f"{len(chosen)} runs, band: {100 * level:g} % interval")
-    plot_consistency(comparison, groups=("pose",), level=level, axes=np.array([[nees], [covered]]))
+    plot_consistency(comparison, groups=("pose",), level=level, axes=(nees, covered))
     nees.set_title("NEES of position and attitude")
     covered.set_title("coverage of position and attitude")
     for ax in (position, orientation, score, nees, covered):
         ax.axvline(table.time, color="0.35", lw=0.9, ls=":")
     _draw_pairs(pairs, table, dict(zip(by_name, cycle(COLOURS), strict=False)))
     truth = f"; truth: {comparison.truth.splitlines()[0]}" if comparison.truth else ""
-    figure.suptitle(f"{len(chosen)} common runs along {comparison.reference.name or 'a trajectory'}{truth}")
+    if axes is None:
+        figure.suptitle(f"{len(chosen)} common runs along {comparison.reference.name or 'a trajectory'}{truth}")
     return figure
 
 
@@ -281,14 +252,3 @@ def _room(ax: Axes, *, above: bool) -> None:
     else:
         ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= 1])
         ax.set_ylim(low - 0.45 * (high - low), high)
-
-
-def _frames(rows: int, columns: int, axes: Sequence[Axes] | None, size: tuple[float, float]) -> tuple[Figure, Any]:
-    if axes is not None:
-        return figure_of(axes[0]), axes
-    figure, new = plt.subplots(rows, columns, sharex=True, squeeze=False, figsize=size, layout="constrained")
-    return figure, tuple(new.flat)
-
-
-def _wide(width: float, height: float) -> dict[str, Any]:
-    return {"figsize": (width, height), "layout": "constrained", "width_ratios": (1, 1)}

@@ -1,41 +1,31 @@
-"""Figures of the runs of one model: where they went, their errors with the filter's bounds, and its sensor states.
+"""Figures of the runs of one model: where they went, their errors with the filter's bounds, and its sensor states."""
 
-Every function draws into given Axes, or makes a Figure (of pyplot, which also keeps it) and returns it; none shows,
-saves or closes anything.
-"""
+from collections.abc import Sequence
+from typing import Any
 
-from collections.abc import Iterable, Sequence
-from typing import Any, Literal
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from gmwm_jax._internal.figures import GivenAxes, entries_of, frames, shared_legend
 from nav_jax.filter.layout import JUDGED
+from nav_jax.plotting._style import DEGREES, draw, grid, plan_and_height, shade
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
 
-COLOURS = ("#1f4e79", "#c23b22", "#2a8f8f", "#e08e0b", "#7a4f9a", "#5b8c2a", "#b5628c", "#6b6b6b")
-"""Of models, in their order."""
-
 _RUN, _BOUND, _TRUTH, _IN_OUTAGE = "#7fa3c7", "#c23b22", "black", "#e08e0b"
-_OUTAGE = "#f3e3c3"
-_MANY = 500
-"""Of a logarithmic axis that spans more, only powers of ten have room for a number."""
 
 _SHOWN = {  # block -> (title, unit, factor, rows: label, column, sign)
     "position": ("position", "m", 1.0, (("east", 1, 1), ("north", 0, 1), ("up", 2, -1))),
     "velocity": ("velocity", "m/s", 1.0, (("east", 1, 1), ("north", 0, 1), ("up", 2, -1))),
-    "attitude": ("attitude", "deg", 180 / np.pi, (("about north", 0, 1), ("about east", 1, 1), ("about down", 2, 1))),
+    "attitude": ("attitude", "deg", DEGREES, (("about north", 0, 1), ("about east", 1, 1), ("about down", 2, 1))),
     "accel": ("accelerometer", "mm/s²", 1e3, (("x", 0, 1), ("y", 1, 1), ("z", 2, 1))),
-    "gyro": ("gyroscope", "deg/h", 180 / np.pi * 3600, (("x", 0, 1), ("y", 1, 1), ("z", 2, 1))),
+    "gyro": ("gyroscope", "deg/h", DEGREES * 3600, (("x", 0, 1), ("y", 1, 1), ("z", 2, 1))),
 }
 
 
 def plot_realisations(
-    runs: Runs, reference: Trajectory, *, max_runs: int = 20, axes: Sequence[Axes] | None = None
+    runs: Runs, reference: Trajectory, *, max_runs: int = 20, axes: GivenAxes | None = None
 ) -> Figure:
     """Where runs say that they went, over the truth: plan and height.
 
@@ -71,8 +61,14 @@ def plot_realisations(
     return figure
 
 
+@draw.register(Runs)
 def plot_errors(
-    runs: Runs, *, blocks: Sequence[str] = ("position",), max_runs: int = 50, sigmas: float = 3.0
+    runs: Runs,
+    *,
+    blocks: Sequence[str] = ("position",),
+    max_runs: int = 50,
+    sigmas: float = 3.0,
+    axes: GivenAxes | None = None,
 ) -> Figure:
     """Errors of runs with the bounds of the filter: position and velocity east, north, up, attitude about the axes.
 
@@ -86,11 +82,13 @@ def plot_errors(
         At most so many runs are drawn; the bounds are of all.
     sigmas
         Bounds are that many standard deviations (root mean square over the runs) away.
+    axes
+        Three Axes a block to draw into, of shape (3, blocks); a new figure if left out.
     """
-    return _draw_blocks(runs, blocks, max_runs, sigmas, f"{runs.name}: estimate - truth, {runs.counts()}")
+    return _draw_blocks(runs, blocks, max_runs, sigmas, axes, f"{runs.name}: estimate - truth, {runs.counts()}")
 
 
-def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0) -> Figure:
+def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0, axes: GivenAxes | None = None) -> Figure:
     """Errors of the estimated sensor errors of the six axes with the bounds of the filter.
 
     Parameters
@@ -101,60 +99,11 @@ def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0) -
         At most so many runs are drawn; the bounds are of all.
     sigmas
         Bounds are that many standard deviations (root mean square over the runs) away.
+    axes
+        Six Axes to draw into, of shape (3, 2); a new figure if left out.
     """
     title = f"{runs.name}: estimated - true sensor error (true one without white noise)"
-    return _draw_blocks(runs, ("accel", "gyro"), max_runs, sigmas, title)
-
-
-# -- shared with plot.py ----------------------------------------------------------------------------------------------
-
-
-def plan_and_height(axes: Sequence[Axes] | None) -> tuple[Figure, Sequence[Axes]]:
-    """Two labelled frames: a plan with one scale for both axes, and height over time."""
-    if axes is None:
-        figure, new = plt.subplots(1, 2, figsize=(10.5, 4.8), layout="constrained")
-        chosen: Sequence[Axes] = tuple(new)
-    else:
-        figure, chosen = figure_of(axes[0]), axes
-    plan, height = chosen
-    plan.set(xlabel="east [m]", ylabel="north [m]", title="plan")
-    plan.set_aspect("equal", adjustable="datalim")
-    height.set(xlabel="time [s]", ylabel="height [m]", title="height")
-    for ax in (plan, height):
-        grid(ax)
-    return figure, chosen
-
-
-def shade(ax: Axes, outages: Iterable[tuple[float, float]], *, label: bool = True) -> None:
-    """The outages as bands behind everything, one entry for all of them in the legend."""
-    for i, (start, end) in enumerate(outages):
-        ax.axvspan(start, end, color=_OUTAGE, lw=0, zorder=0, label="outage" if label and i == 0 else None)
-
-
-def grid(ax: Axes) -> None:
-    """Thin lines behind the data."""
-    ax.grid(True, which="major", color="0.88", lw=0.6)
-    ax.set_axisbelow(True)
-
-
-def logarithmic(ax: Axes, which: Literal["x", "y"] = "y") -> None:
-    """With ticks that read as numbers, also where the axis has no power of ten on it."""
-    ax.set(**{f"{which}scale": "log"})
-    low, high = ax.get_ylim() if which == "y" else ax.get_xlim()
-    axis = ax.yaxis if which == "y" else ax.xaxis
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_locator(LogLocator(subs=(2, 5)))
-    axis.set_minor_formatter(StrMethodFormatter("{x:g}") if high < _MANY * low else NullFormatter())
-
-
-def figure_of(ax: Axes) -> Figure:
-    """The figure that an Axes is in."""
-    figure = ax.get_figure()
-    assert isinstance(figure, Figure)
-    return figure
-
-
-# -- in here ----------------------------------------------------------------------------------------------------------
+    return _draw_blocks(runs, ("accel", "gyro"), max_runs, sigmas, axes, title)
 
 
 def _paths(runs: Runs, reference: Trajectory, max_runs: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -166,28 +115,28 @@ def _paths(runs: Runs, reference: Trajectory, max_runs: int) -> list[tuple[np.nd
     return [(runs.time, truth + runs.error[i, :, :3]) for i in np.flatnonzero(runs.good)[:max_runs]]
 
 
-def _draw_blocks(runs: Runs, blocks: Sequence[str], max_runs: int, sigmas: float, title: str) -> Figure:
+def _draw_blocks(
+    runs: Runs, blocks: Sequence[str], max_runs: int, sigmas: float, axes: GivenAxes | None, title: str
+) -> Figure:
     for block in blocks:
         JUDGED[block]  # before there is a figure
-    figure, axes = plt.subplots(
-        3, len(blocks), sharex=True, squeeze=False, figsize=(2.5 + 4.5 * len(blocks), 6.6), layout="constrained"
-    )
+    figure, drawn = frames(axes, 3, len(blocks), (2.5 + 4.5 * len(blocks), 6.6), sharex=True)
     chosen = np.flatnonzero(runs.good)[:max_runs]
     for column, block in enumerate(blocks):
         name, unit, factor, rows = _SHOWN[block]
-        drawn = runs.errors(block, chosen)
+        below = drawn[column :: len(blocks)]
+        errors = runs.errors(block, chosen)
         sd = np.sqrt(np.mean(runs.sds(block) ** 2, axis=0))
-        for ax, (label, k, sign) in zip(axes[:, column], rows, strict=True):
-            _draw_component(ax, runs, sign * factor * drawn[:, :, k], factor * sd[:, k], sigmas)
+        for ax, (label, k, sign) in zip(below, rows, strict=True):
+            _draw_component(ax, runs, sign * factor * errors[:, :, k], factor * sd[:, k], sigmas)
             ax.set_ylabel(f"{label} [{unit}]")
-        axes[0, column].set_title(name)
-        axes[-1, column].set_xlabel("time [s]")
-    handles: dict[str, Any] = {}
-    for ax in axes.flat:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles), fontsize=9)
-    figure.suptitle(title, fontsize=11)
+        below[0].set_title(name)
+        below[-1].set_xlabel("time [s]")
+    entries, alone = entries_of(*drawn), axes is None
+    options: dict[str, Any] = {"loc": "outside lower center", "ncols": len(entries), "fontsize": 9}
+    shared_legend(figure, drawn, entries, alone=alone, **options)
+    if alone:
+        figure.suptitle(title, fontsize=11)
     figure.align_ylabels()
     return figure
 

@@ -6,7 +6,7 @@ prior, it is sought all the same and marked as coming from there.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float64
 
 from gmwm_jax._internal.checks import integer, of_kind, probability
 from gmwm_jax._internal.checks import number as check_number
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding
@@ -28,16 +29,12 @@ from nav_jax.recorded.likelihood import Model, Record
 from nav_jax.recorded.navigation import prepare_navigation
 from nav_jax.statistics.distributions import normal_quantile
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
 _WIDEST = 20.0
 """Half of an interval of logarithms, at most: what only a wide prior holds might leave the range of numbers."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuning:
+class Tuning(Drawable):
     """Noise parameters that a recorded run makes most likely.
 
     Attributes
@@ -131,12 +128,6 @@ class Tuning:
         if self.lost.any():
             lines.append("What was lost is held where the search left it: the record may do without that process.")
         return "\n".join(lines)
-
-    def plot(self) -> "Figure":
-        """See `nav_jax.plotting.lincov.plot_tuning`."""
-        from nav_jax.plotting.lincov import plot_tuning
-
-        return plot_tuning(self)
 
 
 def tune(

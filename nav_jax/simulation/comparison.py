@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmwm_jax._internal.drawing import Drawable
 from nav_jax.simulation._dataset import join_models, runs_to_dataset
 from nav_jax.simulation._store import read_dataset, write_dataset
 from nav_jax.simulation.ranking import Ranking, common_runs, rank
@@ -17,7 +18,6 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
 
 COMPARISON_KIND = "nav_jax comparison"
 
@@ -25,7 +25,7 @@ _REFERENCE = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternio
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Drawable):
     """Filter models on common random numbers: run i of each model has the same truth and the same noise.
 
     Attributes
@@ -159,9 +159,3 @@ class Comparison:
     def load(cls, path: str | os.PathLike) -> "Comparison":
         """Read what `save` wrote; a ValueError if it is corrupt or something else."""
         return cls.from_xarray(read_dataset(path, COMPARISON_KIND))
-
-    def plot(self, **options: Any) -> "Figure":
-        """Errors, consistency and energy score of all models, see `nav_jax.plotting.comparison.plot_comparison`."""
-        from nav_jax.plotting.comparison import plot_comparison
-
-        return plot_comparison(self, **options)

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float64, Integer
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.layout import JUDGED, NAVIGATION
 from nav_jax.filter.status import Status
@@ -20,7 +21,6 @@ from nav_jax.statistics.epochs import judged_epoch, outage_intervals
 if TYPE_CHECKING:
     import pandas
     import xarray
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Track:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Runs:
+class Runs(Drawable):
     """Runs of one filter model along one reference: R runs, E epochs.
 
     Attributes
@@ -223,12 +223,6 @@ class Runs:
             rows.append([block, unit, number(_rms(e), 4), number(_rms(s), 4), number(float(nees), 3)])
         notes = "".join(f"\nnote: {n}" for n in self.notes)
         return f"{self.name}: {self.counts()}; at {self.time[k]:g} s\n{format_table(head, rows, left=2)}{notes}"
-
-    def plot(self, **options: Any) -> "Figure":
-        """Errors of the runs with the filter's bounds, see `nav_jax.plotting.runs.plot_errors`."""
-        from nav_jax.plotting.runs import plot_errors
-
-        return plot_errors(self, **options)
 
 
 def _rms(x: np.ndarray) -> float:

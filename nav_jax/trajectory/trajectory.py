@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from gmwm_jax._internal.checks import increasing, number, real_array, require_x64, sampling_rate
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from nav_jax.kinematics import rotation
@@ -28,7 +29,7 @@ _ON_GRID = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory:
+class Trajectory(Drawable):
     """Position, velocity and attitude at N + 1 epochs. Build it with `from_euler`, a reader or a generator.
 
     Attributes
@@ -184,12 +185,6 @@ class Trajectory:
                 self.time, position(self.time), _derivative(position, self.time), self.quaternion, self.name
             )
         return self._from_splines(self.time, position, _smoothing_spline(self.time, self.quaternion, attitude_knots))
-
-    def plot(self) -> Any:
-        """Plot plan, height and attitude; see `nav_jax.plotting.comparison.plot_trajectory`."""
-        from nav_jax.plotting.comparison import plot_trajectory
-
-        return plot_trajectory(self)
 
     def _check_gaps(self) -> None:
         steps = np.diff(self.time)

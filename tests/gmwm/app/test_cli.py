@@ -9,7 +9,6 @@ import subprocess
 import sys
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -23,12 +22,6 @@ from gmwm_jax.recordings.files import read_recording, save_recording
 from gmwm_jax.variance.wavelet import wavelet_variance
 
 MODEL = "WN + RW"
-
-
-@pytest.fixture(autouse=True)
-def no_figure_stays_open():
-    yield
-    assert plt.get_fignums() == []
 
 
 def call(*arguments, code=0):

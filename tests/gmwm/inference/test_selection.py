@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.special import chdtrc
@@ -180,7 +179,6 @@ def test_figure(selection):
     ax = figure.axes[0]
     assert "WVIC" in ax.get_xlabel()
     assert selection.recommended.name in " ".join(t.get_text() for t in ax.get_yticklabels())
-    plt.close(figure)
 
 
 def test_bad_input(data, selection):

@@ -2,24 +2,17 @@
 
 import warnings
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
 import gmwm_jax
-from gmwm_jax.plotting.figures import plot_allan_deviation, plot_fit, plot_fits, plot_recording, plot_wavelet_variance
+from gmwm_jax.plotting import plot_allan_deviation, plot_fit, plot_fits, plot_recording, plot_wavelet_variance
+
+pytestmark = pytest.mark.usefixtures("rendered_figures")
 
 DATASHEET = gmwm_jax.from_datasheet({"N": "0.05 deg/s/sqrt(Hz)"}, 100.0)[0]
-
-
-@pytest.fixture(autouse=True)
-def close_figures():
-    """Draw each figure, which is when layout and fonts complain (warnings are errors), and close it."""
-    yield
-    for number in plt.get_fignums():
-        plt.figure(number).canvas.draw()
-    plt.close("all")
 
 
 @pytest.fixture(scope="module")
@@ -128,12 +121,13 @@ def test_wavelet_variance_of_more_channels_than_colours():
 
 
 def test_given_axes_are_used(wv):
-    figure, ax = plt.subplots()
-    assert plot_wavelet_variance(wv["gyro_x"], ax=ax) is figure
-    assert plot_allan_deviation(gmwm_jax.allan_deviation(wv["gyro_y"]), ax=ax) is figure
+    figure = Figure()
+    ax = figure.subplots()
+    assert plot_wavelet_variance(wv["gyro_x"], axes=ax) is figure
+    assert plot_allan_deviation(gmwm_jax.allan_deviation(wv["gyro_y"]), axes=[ax]) is figure
     assert len(figure.axes) == 1
-    with pytest.raises(ValueError, match="2 different units and need an Axes each: leave ax out"):
-        plot_wavelet_variance(wv, ax=ax)
+    with pytest.raises(ValueError, match="has 2 frames and draws into as many Axes; axes= has 1"):
+        plot_wavelet_variance(wv, axes=ax)
 
 
 def test_a_datasheet_line_is_drawn_where_it_belongs(wv, fits):

@@ -1,7 +1,6 @@
 """Outlying samples: which are masked in which noise, what is reported, and what the estimates gain."""
 
 import jax
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -121,4 +120,3 @@ def test_the_figure_with_a_third_curve():
     (line,) = [one for one in figure.axes[0].lines if one.get_label() == f"cleaned: {cleaned.missing}"]
     np.testing.assert_array_equal(line.get_ydata(), cleaned.variance)
     figure.canvas.draw()
-    plt.close(figure)

@@ -153,10 +153,10 @@ def test_repr_is_a_table():
 
 
 def test_plot_delegates(imu, monkeypatch):
-    seen = types.ModuleType("gmwm_jax.plotting.figures")
-    seen.plot_recording = lambda rec: ("figure of", rec)
-    monkeypatch.setitem(sys.modules, "gmwm_jax.plotting.figures", seen)
-    assert imu.plot() == ("figure of", imu)
+    seen = types.ModuleType("gmwm_jax.plotting")
+    seen.draw = lambda rec, **options: ("figure of", rec, options)
+    monkeypatch.setitem(sys.modules, "gmwm_jax.plotting", seen)
+    assert imu.plot(axes=7) == ("figure of", imu, {"axes": 7})
 
 
 def spoilt(value):

@@ -2,7 +2,6 @@
 
 import jax
 import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -192,7 +191,6 @@ def test_the_figure_shows_data_residuals_and_noise(num, key):
     assert "residual [rad/s]" in labels
     assert any("wavelet variance" in label for label in labels)
     assert "290 missing" in figure.axes[0].get_title()
-    plt.close(figure)
 
 
 def test_masks_of_every_kind_are_one():

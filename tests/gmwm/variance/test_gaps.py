@@ -1,7 +1,6 @@
 """Wavelet variance with missing samples: against its definition, its covariance and intervals, and all doors to it."""
 
 import jax
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import scipy.linalg
@@ -245,7 +244,6 @@ def test_the_figure_of_a_recording_with_gaps():
     np.testing.assert_allclose(mean[middle < 8900], 2.0)
     assert np.all(np.isnan(mean[(middle > 9100) & (middle < 14_900)]))
     np.testing.assert_allclose(mean[middle > 15_100], 1.5)
-    plt.close(figure)
 
 
 def test_bad_input(gappy):

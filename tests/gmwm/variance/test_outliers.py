@@ -1,18 +1,12 @@
 """Classic against robust: scales that differ, samples that stand out, and what is printed and drawn."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import gmwm_jax as gj
 
-
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    for number in plt.get_fignums():
-        plt.figure(number).canvas.draw()
-    plt.close("all")
+pytestmark = pytest.mark.usefixtures("rendered_figures")
 
 
 def white(num, seed=0):
@@ -95,8 +89,8 @@ def test_the_figure(spiked):
     assert sorted(drawn) == sorted(comparison.z)
     assert "outlying samples" in top.get_title()
     assert bottom.get_xlabel() == "scale τ [s]"
-    _, axes = plt.subplots(2, 1)
-    assert gj.plot.plot_robust_comparison(comparison, axes=list(axes)) is axes[0].figure
+    axes = Figure().subplots(2, 1)
+    assert gj.plotting.plot_robust_comparison(comparison, axes=list(axes)) is axes[0].figure
 
 
 def test_the_contaminated_record(shared):

@@ -7,7 +7,6 @@ import json
 import tomllib
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from nav.synthetic import make_runs
@@ -86,12 +85,6 @@ attitude_sd = "1 deg"
 every = 5
 """
 PNG = b"\x89PNG\r\n\x1a\n"
-
-
-@pytest.fixture(autouse=True)
-def no_figure_stays_open():
-    yield
-    assert plt.get_fignums() == []
 
 
 def call(*arguments, code=0):

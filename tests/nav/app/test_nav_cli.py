@@ -9,7 +9,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from nav.synthetic import make_runs, with_failures
@@ -58,12 +57,6 @@ attitude_sd = "1 deg"
 num_runs = 6
 """
 PNG = b"\x89PNG\r\n\x1a\n"
-
-
-@pytest.fixture(autouse=True)
-def no_figure_stays_open():
-    yield
-    assert plt.get_fignums() == []
 
 
 def call(*arguments, code=0):

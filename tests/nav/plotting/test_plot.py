@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import scipy.stats
@@ -10,22 +9,23 @@ from matplotlib.collections import PolyCollection
 from nav.simulation.test_comparison import make_reference
 from nav.synthetic import OUTAGE, make_runs, with_failures
 
-from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis, plot_trajectory
-from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
+from nav_jax.plotting import (
+    plot_comparison,
+    plot_consistency,
+    plot_errors,
+    plot_mean_errors,
+    plot_nis,
+    plot_realisations,
+    plot_sensor_states,
+    plot_trajectory,
+)
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.statistics.energy import energy_score
 
+pytestmark = pytest.mark.usefixtures("rendered_figures")
+
 N = 30
 DEGREES = 180 / np.pi
-
-
-@pytest.fixture(autouse=True)
-def close_figures():
-    """Draw each figure, which is when layout and fonts complain (warnings are errors), and close it."""
-    yield
-    for number in plt.get_fignums():
-        plt.figure(number).canvas.draw()
-    plt.close("all")
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from nav.synthetic_analysis import (
@@ -21,16 +20,9 @@ from nav.synthetic_analysis import (
 
 from nav_jax.plotting.lincov import plot_analysis, plot_budget, plot_calibration, plot_sensitivities
 
+pytestmark = pytest.mark.usefixtures("rendered_figures")
+
 DEGREES = 180 / np.pi
-
-
-@pytest.fixture(autouse=True)
-def close_figures():
-    """Draw each figure, which is when layout and fonts complain (warnings are errors), and close it."""
-    yield
-    for number in plt.get_fignums():
-        plt.figure(number).canvas.draw()
-    plt.close("all")
 
 
 def texts(legend):

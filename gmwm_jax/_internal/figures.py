@@ -1,0 +1,134 @@
+"""Figures without pyplot, which is a list of open figures and a backend for the whole process.
+
+Nothing is left open, a notebook shows a figure once (as the last expression of a cell), and several threads may draw at
+once. Imported by the rooms `plotting` alone, at the moment of drawing.
+"""
+
+import io
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from gmwm_jax._internal.typing import Real
+
+GivenAxes = Axes | Sequence[Axes] | np.ndarray
+"""Where to draw: an Axes for each frame of the figure, in reading order."""
+
+_RENDERING = threading.RLock()
+"""Matplotlib lays out and sets text (formulas on logarithmic axes) with state that all figures share."""
+
+
+class ResultFigure(Figure):
+    """A figure that shows itself in a notebook, and whose drawing waits for that of another thread."""
+
+    def draw(self, *args: Any, **options: Any) -> None:
+        with _RENDERING:
+            super().draw(*args, **options)
+
+    def get_tightbbox(self, *args: Any, **options: Any) -> Any:
+        with _RENDERING:
+            return super().get_tightbbox(*args, **options)
+
+    def savefig(self, *args: Any, **options: Any) -> None:
+        with _RENDERING:
+            super().savefig(*args, **options)
+
+    def _repr_png_(self) -> bytes:
+        """What IPython shows unless its inline backend is on, which has a way of its own to show any Figure."""
+        file = io.BytesIO()
+        self.savefig(file, format="png", bbox_inches="tight")
+        return file.getvalue()
+
+
+def new_figure(width: Real, height: Real) -> ResultFigure:
+    """Make an empty figure, in inches, that finds the places of its frames itself."""
+    figure = ResultFigure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)  # that of a bare Figure draws nothing
+    return figure
+
+
+def frames(
+    axes: GivenAxes | None,
+    rows: int,
+    columns: int,
+    size: tuple[Real, Real],
+    *,
+    num: int | None = None,
+    **layout: Any,
+) -> tuple[Figure, list[Axes]]:
+    """Return the Axes to draw into: those that are given, or rows and columns of a new figure, in reading order.
+
+    Parameters
+    ----------
+    axes
+        What the caller was given; None for a new figure.
+    rows, columns
+        Of a new figure.
+    size
+        Its width and height in inches.
+    num
+        Of frames, if the last row is not full.
+    **layout
+        As `matplotlib.figure.Figure.subplots` takes it.
+
+    Raises
+    ------
+    ValueError
+        So many Axes were not given.
+    """
+    num = rows * columns if num is None else num
+    if axes is None:
+        figure = new_figure(*size)
+        new = list(figure.subplots(rows, columns, squeeze=False, **layout).flat)
+        for ax in new[num:]:
+            ax.remove()
+        return figure, new[:num]
+    given = [axes] if isinstance(axes, Axes) else list(np.asarray(axes, dtype=object).flat)
+    if len(given) != num:
+        raise ValueError(f"This figure has {num} frames and draws into as many Axes; axes= has {len(given)}.")
+    return figure_of(given[0]), given
+
+
+def shared_legend(
+    figure: Figure, drawn: Sequence[Axes], entries: Mapping[str, Any], *, alone: bool, **options: Any
+) -> None:
+    """Name what all frames have in common: beside those of an own figure, else in the first of the given Axes.
+
+    Parameters
+    ----------
+    figure
+        Where the frames are.
+    drawn
+        The frames.
+    entries
+        Label -> what carries it.
+    alone
+        Whether the figure has nothing but these frames.
+    **options
+        Of the legend of an own figure.
+    """
+    if alone:
+        figure.legend(entries.values(), entries.keys(), **options)
+    else:
+        drawn[0].legend(list(entries.values()), list(entries.keys()), fontsize=8)
+
+
+def entries_of(*drawn: Axes) -> dict[str, Any]:
+    """Return label -> what carries it, of all frames, each label once."""
+    entries: dict[str, Any] = {}
+    for ax in drawn:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    return entries
+
+
+def figure_of(ax: Axes) -> Figure:
+    """Return the figure that an Axes is in."""
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
