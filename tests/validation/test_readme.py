@@ -4,7 +4,6 @@ import re
 import shlex
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -32,8 +31,7 @@ def folder(tmp_path, monkeypatch):
     table = np.column_stack([rec.time(), np.rad2deg(rec.column("gyro_x")), rec.column("accel_x") / 9.80665])
     np.savetxt(tmp_path / "static.csv", table, delimiter=",", header="time,gyro_x,accel_x", comments="")
     monkeypatch.chdir(tmp_path)
-    yield tmp_path
-    plt.close("all")
+    return tmp_path
 
 
 def test_python(folder):

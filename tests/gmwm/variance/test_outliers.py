@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import gmwm_jax as gj
+from gmwm_jax.variance.robust import biweight
 
 pytestmark = pytest.mark.usefixtures("rendered_figures")
 
@@ -54,7 +55,7 @@ def test_the_numbers(spiked):
         n = 2**j
         S = np.convolve(x, np.ones(n), "valid")
         W = (S[n:] - S[:-n]) / (2 * n)
-        c = gj.robust.biweight(0.9).c
+        c = biweight(0.9).c
         assert seen.weightless[j] == pytest.approx(np.mean(np.abs(W) > c * np.sqrt(expected.variance[j])))
     assert np.all(seen.significant == (np.abs(seen.z) > 2.638))  # 5 % over six scales and two sides
 
