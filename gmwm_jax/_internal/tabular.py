@@ -1,43 +1,231 @@
-"""What an opened file offers, whatever its format: numbered columns, perhaps with names, rate and units."""
+"""The one reader of tables: files of every format, arrays, mappings, data frames and xarray Datasets.
 
-import re
-from collections.abc import Callable, Iterable, Sequence
+A new format is one function here and one row in `_OPENERS`. What the columns mean is the business of the rooms.
+"""
+
+import difflib
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gmwm_jax._internal.columns import Columns
+from gmwm_jax._internal.optional import import_optional
+from gmwm_jax._internal.text_files import TEXT_SUFFIXES, open_text
 
-class Columns(NamedTuple):
-    """The columns of a file, loaded when they are asked for."""
-
-    names: tuple[str, ...] | None
-    count: int
-    load: Callable[[list[int]], Sequence[np.ndarray]]
-    """Column numbers -> those columns, each (N,)."""
-    rate: float | None = None
-    units: tuple[str, ...] | None = None
-    title: str | None = None
-
-    def position(self, column: int | str) -> int:
-        """Return the number of a column given by name or number.
-
-        Raises
-        ------
-        ValueError
-            There is no such column; the message lists those that there are.
-        """
-        names = self.names or ()
-        if isinstance(column, str):
-            for name in (column, *plain_names([column])):
-                if name in names:
-                    return names.index(name)
-        elif 0 <= column < self.count:
-            return column
-        seen = f": {', '.join(names)}" if names else " without names"
-        raise ValueError(f"There is no column {column!r}; the file has {self.count}, numbered from 0{seen}.")
+SAVED_RECORDING = ("data", "rate", "channels", "units", "name")
+"""Variables of the ``.npz`` file of a recording that this package saved."""
 
 
-def plain_names(names: Iterable[Any]) -> tuple[str, ...]:
-    """Make names plain: ``Gyro. X`` becomes ``gyro_x``, an empty one ``column_3``."""
-    plain = (re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_") for name in names)
-    return tuple(name or f"column_{i}" for i, name in enumerate(plain))
+class Reading(NamedTuple):
+    """How a file is opened, where that cannot be found out."""
+
+    delimiter: str | None = None
+    """Of a text file."""
+    header: int | None = None
+    """Lines of a text file to skip."""
+    variable: str | None = None
+    """The object to read, where an ``.npz`` or R file holds several."""
+
+
+def open_source(source: Any, how: Reading | None = None) -> Columns:
+    """Open a file, an array, a mapping of arrays, a pandas DataFrame or an xarray Dataset.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file.
+    ImportError
+        The format needs the extra ``io``.
+    ValueError
+        A corrupt file or one of an unknown kind; an array that is no table.
+    """
+    if isinstance(source, str | os.PathLike):
+        return open_file(Path(source), how)
+    if hasattr(source, "data_vars"):
+        return _of_dataset(source)
+    if hasattr(source, "iloc"):
+        return _of_frame(source)
+    if hasattr(source, "items"):
+        return _of_mapping({str(name): np.asarray(values) for name, values in source.items()})
+    array = np.asarray(source)
+    if array.ndim != 2 or array.dtype.kind not in "iuf":
+        raise ValueError(f"A table of numbers has one row an epoch, and this is {array.dtype} of shape {array.shape}.")
+    return _of_array(array)
+
+
+def open_file(file: Path, how: Reading | None = None) -> Columns:
+    """Open a file; its suffix tells the format.
+
+    Raises
+    ------
+    FileNotFoundError, ImportError, ValueError
+        See `open_source`.
+    """
+    opener = _OPENERS.get(file.suffix.lower())
+    if opener is None:
+        raise ValueError(f"Unknown suffix {file.suffix!r}; read are {' '.join(_OPENERS)}.")
+    require_file(file)
+    return opener(file, how or Reading())
+
+
+def require_file(file: Path, hint: str = "") -> None:
+    """Raise a FileNotFoundError that names files of a similar name, unless this one is there."""
+    if file.is_file():
+        return
+    if file.is_dir():
+        raise FileNotFoundError(f"{file.resolve()} is a folder, not a file.")
+    near = difflib.get_close_matches(file.name, os.listdir(file.parent)) if file.parent.is_dir() else []
+    similar = f" Files of a similar name are there: {', '.join(near)}." if near else ""
+    raise FileNotFoundError(f"There is no file {file.resolve()}.{similar}{hint}")
+
+
+@contextmanager
+def _parsing(kind: str) -> Iterator[None]:
+    """Say that the file is bad, whichever of a dozen errors its library or decompressor raises."""
+    try:
+        yield
+    except (PermissionError, MemoryError):
+        raise
+    except Exception as error:
+        raise ValueError(
+            f"This is no {kind} file, or it is truncated or corrupt: fetch or save it again. "
+            f"({type(error).__name__}: {error})"
+        ) from error
+
+
+def _only(names: Sequence[str], variable: str | None) -> str:
+    """Return the variable that is asked for, or the only one."""
+    if variable in names or (variable is None and len(names) == 1):
+        return variable or names[0]
+    asked = "variable=... is needed to choose one" if variable is None else f"there is no variable {variable!r}"
+    raise ValueError(f"The file holds {len(names)} variables ({', '.join(names)}); {asked}.")
+
+
+def _of_array(values: np.ndarray, names: Iterable[Any] | None = None, rate: float | None = None) -> Columns:
+    """Make a table of a vector or matrix."""
+    if values.ndim not in (1, 2):
+        raise ValueError(f"A table has the shape (N,) or (N, C), time on axis 0, and this one {values.shape}.")
+    columns = values[:, None] if values.ndim == 1 else values
+    written = None if names is None else tuple(map(str, names))
+    if written is not None and len(written) != columns.shape[1]:
+        raise ValueError(f"{len(written)} names of columns were found for {columns.shape[1]} columns.")
+    return Columns(written, columns.shape[1], lambda picked: [columns[:, i] for i in picked], rate=rate)
+
+
+def _of_mapping(variables: Mapping[str, np.ndarray], units: Mapping[str, str] | None = None) -> Columns:
+    """Make a table of those variables that are vectors."""
+    series = {name: values for name, values in variables.items() if values.ndim == 1}
+    if not series:
+        raise ValueError(f"There is no column among {', '.join(variables) or 'no variables at all'}.")
+    if len({len(values) for values in series.values()}) > 1:
+        listed = ", ".join(f"{name} {len(values)}" for name, values in series.items())
+        raise ValueError(f"The columns of a table have one length, and these differ: {listed}.")
+    columns = tuple(series.values())
+    skipped = tuple(name for name in variables if name not in series)
+    stated = {} if units is None else units
+    return Columns(tuple(series), len(series), lambda picked: [columns[i] for i in picked], stated, skipped=skipped)
+
+
+def _of_frame(frame: Any) -> Columns:
+    names = tuple(map(str, frame.columns))
+    return Columns(names, len(names), lambda picked: [np.asarray(frame.iloc[:, i]) for i in picked])
+
+
+def _of_dataset(dataset: Any) -> Columns:
+    variables = {str(name): values for name, values in {**dataset.coords, **dataset.data_vars}.items()}
+    units = {name: str(v.attrs["units"]) for name, v in variables.items() if "units" in v.attrs}
+    return _of_mapping({name: np.asarray(v.values) for name, v in variables.items()}, units)
+
+
+def _open_numpy(file: Path, how: Reading) -> Columns:
+    """Open an array, a saved recording, a table with its names, or one of vectors that are its columns."""
+    with _parsing("NumPy"), file.open("rb") as stream:
+        loaded = np.load(stream, allow_pickle=False)
+        arrays = {"": loaded} if isinstance(loaded, np.ndarray) else {name: loaded[name] for name in loaded}
+    if set(arrays) == set(SAVED_RECORDING):
+        data, rate, channels, units, name = (arrays[key] for key in SAVED_RECORDING)
+        stated = dict(zip(channels.tolist(), units.tolist(), strict=True))
+        return _of_array(data, channels.tolist(), rate.item())._replace(units=stated, title=name.item())
+    if set(arrays) == {"data", "columns"}:
+        return _of_array(arrays["data"], arrays["columns"])
+    if len(arrays) > 1 and how.variable is None and any(values.ndim == 1 for values in arrays.values()):
+        return _of_mapping(arrays)
+    return _of_array(arrays[_only(list(arrays), how.variable)])
+
+
+def _open_parquet(file: Path, how: Reading) -> Columns:
+    parquet = import_optional("pyarrow.parquet")
+    with _parsing("Parquet"):
+        names = parquet.read_schema(file).names
+
+    def load(picked: list[int]) -> list[np.ndarray]:
+        with _parsing("Parquet"):
+            table = parquet.read_table(file, columns=[names[i] for i in picked])
+        return [table[names[i]].to_numpy() for i in picked]
+
+    return Columns(tuple(names), len(names), load)
+
+
+def _open_netcdf(file: Path, how: Reading) -> Columns:
+    xarray = import_optional("xarray")
+    import_optional("h5netcdf")
+    with _parsing("netCDF"), xarray.open_dataset(file, engine="h5netcdf", decode_timedelta=False) as dataset:
+        return _of_dataset(dataset)
+
+
+def _open_r(file: Path, how: Reading) -> Columns:
+    """Open a vector, matrix or data frame of R.
+
+    An object of class ``imu`` (of the R packages gmwm and simts) states its rate, one of class ``trajectory`` (of the R
+    package navigation) its kind of position.
+    """
+    rdata = import_optional("rdata")
+    constructors = {
+        **rdata.conversion.DEFAULT_CLASS_MAP,
+        "imu": lambda value, attributes: (value, attributes),
+        "ts": lambda value, attributes: value,  # by default it gets an index of fractions, one a sample
+    }
+    with _parsing("R data"), warnings.catch_warnings(action="error"):  # an unknown file type is only a warning
+        parsed = rdata.parser.parse_file(file)
+    with _parsing("R data"), warnings.catch_warnings(action="ignore"):  # other classes: judged by what they hold
+        objects = rdata.conversion.convert(parsed, constructor_dict=constructors)
+    found = objects[_only(list(objects), how.variable)]
+    if isinstance(found, dict) and {"trajectory", "system"} <= set(found):
+        system = {"ned": "ned", "ellipsoidal": "geodetic"}.get(str(np.ravel(found["system"])[0]))
+        return _of_r(found["trajectory"])._replace(position=system, angles="rad")
+    value, attributes = found if isinstance(found, tuple) else (found, {})
+    return _of_r(value, float(attributes["freq"][0]) if "freq" in attributes else None)
+
+
+def _of_r(value: Any, rate: float | None = None) -> Columns:
+    if hasattr(value, "iloc"):
+        return _of_frame(value)
+    if hasattr(value, "coords"):  # an array with names along some of its axes
+        names = value.coords.get(value.dims[1]) if value.ndim == 2 else None
+        return _of_array(value.values, None if names is None else names.values, rate)
+    if isinstance(value, np.ma.MaskedArray):  # NA among integers
+        value = np.ma.filled(value.astype(np.float64), np.nan)
+    if isinstance(value, np.ndarray):
+        return _of_array(value, rate=rate)
+    raise ValueError(f"The R object is a {type(value).__name__}, and no numeric vector, matrix or data frame.")
+
+
+def _open_text(file: Path, how: Reading) -> Columns:
+    return open_text(file, how.delimiter, how.header)
+
+
+_OPENERS: dict[str, Callable[[Path, Reading], Columns]] = {
+    ".npy": _open_numpy,
+    ".npz": _open_numpy,
+    ".parquet": _open_parquet,
+    ".rda": _open_r,
+    ".rdata": _open_r,
+    ".nc": _open_netcdf,
+    **dict.fromkeys(TEXT_SUFFIXES, _open_text),
+}
+"""Suffix -> what opens such a file."""

@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 from gmwm_jax._internal.checks import typed_key
+from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.datasheet import from_datasheet
@@ -23,7 +24,7 @@ from gmwm_jax.processes.registry import parse_model
 from gmwm_jax.processes.simulation import simulate
 from gmwm_jax.recordings._public_files import KNOWN_FILES, KnownFile, sha256
 from gmwm_jax.recordings._sensors import SENSORS, Sensor
-from gmwm_jax.recordings.files import import_optional, read_recording
+from gmwm_jax.recordings.files import read_recording
 from gmwm_jax.recordings.recording import Recording
 
 FOLDER_VARIABLE = "GMWM_JAX_DATA"

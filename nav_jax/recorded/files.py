@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.checks import increasing, real_array, require_x64
-from gmwm_jax._internal.nav_columns import Columns, open_source
+from gmwm_jax._internal.tabular import Reading, open_source
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
@@ -30,6 +30,7 @@ def read_imu(
     columns: Mapping[str, int | str] | None = None,
     time_unit: str | None = None,
     delimiter: str | None = None,
+    header: int | None = None,
     variable: str | None = None,
 ) -> Imu:
     """Read the samples of an IMU from a file, an array, a mapping, a DataFrame or an xarray Dataset.
@@ -53,6 +54,8 @@ def read_imu(
         ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another.
     delimiter
         Of a text file; found unless given.
+    header
+        Number of lines of a text file to skip; comments and at most one line of names unless given.
     variable
         The object to read, where an ``.npz`` or R file holds several.
 
@@ -71,9 +74,9 @@ def read_imu(
     if not set(stated) <= {"gyro", "accel"}:
         raise ValueError(f'units has the keys "gyro" and "accel", and these are {", ".join(stated)}.')
     try:
-        table = open_source(source, delimiter, variable)
+        table = open_source(source, Reading(delimiter, header, variable))
         read = Reader(table, pick(table, ("time", *GYRO, *ACCEL), columns), None, time_unit)
-        time = _seconds(read, table)
+        time = _seconds(read)
         increasing("The time of an IMU", time)
         gyro = read.sensor(GYRO, stated.get("gyro"), 'units={"gyro": ...}')
         accel = read.sensor(ACCEL, stated.get("accel"), 'units={"accel": ...}')
@@ -91,6 +94,7 @@ def read_fixes(
     columns: Mapping[str, int | str] | None = None,
     time_unit: str | None = None,
     delimiter: str | None = None,
+    header: int | None = None,
     variable: str | None = None,
 ) -> Fixes:
     """Read the fixes of an aiding sensor: time, and what the sensor measures; fixes in its outages are left out.
@@ -100,7 +104,7 @@ def read_fixes(
 
     Parameters
     ----------
-    source, columns, time_unit, delimiter, variable
+    source, columns, time_unit, delimiter, header, variable
         See `read_imu`; the time is on the clock of the IMU.
     sensor
         `GnssPosition`, `GnssVelocity` or `Barometer`, with the standard deviations that the filter believes.
@@ -130,9 +134,9 @@ def read_fixes(
     geodetic = isinstance(sensor, GnssPosition) and origin is not None
     names = POSITION["geodetic"] if geodetic else _MEASURED[type(sensor)]
     try:
-        table = open_source(source, delimiter, variable)
+        table = open_source(source, Reading(delimiter, header, variable))
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
-        time, value = _seconds(read, table), read.three(names)
+        time, value = _seconds(read), read.three(names)
         if origin is not None:
             value = ned_from_geodetic(value, origin) if geodetic else value - origin[2]
         kept = sensor.available(time)
@@ -141,9 +145,9 @@ def read_fixes(
         raise _of_file(error, source) from error
 
 
-def _seconds(read: Reader, table: Columns) -> np.ndarray:
+def _seconds(read: Reader) -> np.ndarray:
     """Time on a clock that several files share."""
-    if table.data[read.numbers["time"]].dtype.kind in "mM":
+    if read.values["time"].dtype.kind in "mM":
         raise ValueError("Timestamps of several files have no common zero: convert them to seconds on one clock.")
     return read.time()
 

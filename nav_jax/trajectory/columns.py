@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.checks import real_array
-from gmwm_jax._internal.nav_columns import Columns, plain
+from gmwm_jax._internal.columns import Columns, plain_name
 from nav_jax.kinematics.earth import STANDARD_GRAVITY
 
 POSITION = {"ned": ("north", "east", "down"), "geodetic": ("latitude", "longitude", "height")}
@@ -69,6 +69,7 @@ class Reader:
 
     def __init__(self, table: Columns, numbers: Mapping[str, int], angles: Any, time_unit: str | None):
         self.table, self.numbers, self.time_unit = table, numbers, time_unit
+        self.values = dict(zip(numbers, table.load(list(numbers.values())), strict=True))
         by_kind = angles if isinstance(angles, Mapping) else {"position": angles, "attitude": angles}
         if not set(by_kind) <= {"position", "attitude"}:
             raise ValueError(f'angles has the keys "position" and "attitude", and these are {list(by_kind)}.')
@@ -80,7 +81,7 @@ class Reader:
 
     def time(self) -> np.ndarray:
         """Seconds."""
-        values = self._column("time")
+        values = self.values["time"]
         if values.dtype.kind == "M":
             return (values - values[:1]) / np.timedelta64(1, "s")
         if values.dtype.kind == "m":
@@ -98,18 +99,18 @@ class Reader:
     def sensor(self, names: Sequence[str], unit: str | None, argument: str) -> np.ndarray:
         """The three axes of an inertial sensor side by side, (N, 3), in a unit that is stated here or by the source."""
         known = _UNITS[names[0]]
-        if unit is not None and plain(unit) not in known:
+        if unit is not None and plain_name(unit) not in known:
             raise ValueError(f"{argument} is one of {', '.join(known)}, and is {unit!r}.")
         columns = []
         for name in names:
-            agreed = self._agreed(name, self._stated(name), None if unit is None else plain(unit), argument)
+            agreed = self._agreed(name, self._stated(name), None if unit is None else plain_name(unit), argument)
             if agreed is None:
                 raise ValueError(f"The unit of {name} is not stated: give {argument}. It is never guessed.")
-            columns.append(known[agreed] * real_array(f"The column of {name}", self._column(name), (None,)))
+            columns.append(known[agreed] * real_array(f"The column of {name}", self.values[name], (None,)))
         return np.stack(columns, axis=1)
 
     def _si(self, name: str) -> np.ndarray:
-        values = real_array(f"The column of {name}", self._column(name), (None,))
+        values = real_array(f"The column of {name}", self.values[name], (None,))
         unit = self._stated(name)
         if _UNITS[name] is not _ANGLES:
             return values * (_UNITS[name][unit] if unit else 1.0)
@@ -123,9 +124,6 @@ class Reader:
             raise ValueError(f"The {name} reaches {np.abs(values).max():.4g}, which is no angle in rad but one in deg.")
         return values * _ANGLES[unit]
 
-    def _column(self, name: str) -> np.ndarray:
-        return self.table.data[self.numbers[name]]
-
     def _stated(self, quantity: str) -> str | None:
         """The unit that the source states for a quantity, by an attribute or behind its name."""
         if self.table.names is None:
@@ -133,11 +131,11 @@ class Reader:
         name = self.table.names[self.numbers[quantity]]
         known = _UNITS[quantity]
         if name in self.table.units:
-            unit = plain(self.table.units[name])
+            unit = plain_name(self.table.units[name])
             if unit not in known:
                 raise ValueError(f"The unit of {name} is {self.table.units[name]!r}; known are: {', '.join(known)}.")
             return unit
-        return _split(quantity, plain(name))[1]
+        return _split(quantity, plain_name(name))[1]
 
     @staticmethod
     def _agreed(name: str, stated: str | None, given: str | None, argument: str) -> str | None:
@@ -178,9 +176,9 @@ def choose(table: Columns, position: str | None, columns: Any) -> tuple[str, dic
         system = fits[0]
     order = ("time", *POSITION[system], *ATTITUDE, *VELOCITY)
     if columns is None and table.names is None:
-        columns = range(len(table.data))
+        columns = range(table.count)
     if columns is not None and not isinstance(columns, Mapping):
-        picked = [_number_of(table, column) for column in columns]
+        picked = [table.number(column) for column in columns]
         if len(picked) not in (7, 10):
             raise ValueError(
                 "The columns are time, three of position, roll, pitch, yaw, and perhaps three of velocity: 7 or 10, "
@@ -206,8 +204,8 @@ def pick(table: Columns, wanted: Sequence[str], columns: Mapping[str, int | str]
         A column is missing, or two may be the same quantity.
     """
     if table.names is None and columns is None:
-        if len(table.data) != len(wanted):
-            raise ValueError(f"The columns are {', '.join(wanted)}, and there are {len(table.data)}, without names.")
+        if table.count != len(wanted):
+            raise ValueError(f"The columns are {', '.join(wanted)}, and there are {table.count}, without names.")
         return {quantity: i for i, quantity in enumerate(wanted)}
     found = _found(table, columns or {}, wanted)
     if missing := [q for q in wanted if q not in found]:
@@ -222,7 +220,7 @@ def _found(table: Columns, columns: Mapping[str, int | str], wanted: Sequence[st
     """Columns of the quantities that are there."""
     if unknown := [key for key in columns if key not in wanted]:
         raise ValueError(f"columns names {', '.join(unknown)}; the quantities are: {', '.join(wanted)}.")
-    told = {key: _number_of(table, column) for key, column in columns.items()}
+    told = {key: table.number(column) for key, column in columns.items()}
     return (_by_name(table.names, [q for q in wanted if q not in told]) if table.names else {}) | told
 
 
@@ -230,9 +228,9 @@ def _by_name(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
     found: dict[str, int] = {}
     for i, name in enumerate(names):
         for quantity in wanted:
-            short, unit = _split(quantity, plain(name))
+            short, unit = _split(quantity, plain_name(name))
             aliases = _ALIASES[quantity].split()
-            if short in aliases or (unit and plain(name) in aliases):
+            if short in aliases or (unit and plain_name(name) in aliases):
                 if quantity in found:
                     raise ValueError(
                         f"Both {names[found[quantity]]!r} and {name!r} may be the {quantity}: pick one as in "
@@ -242,15 +240,6 @@ def _by_name(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _number_of(table: Columns, column: int | str) -> int:
-    if isinstance(column, str):
-        if table.names is not None and column in table.names:
-            return table.names.index(column)
-    elif 0 <= column < len(table.data):
-        return int(column)
-    raise ValueError(f"There is no column {column!r}. {_seen(table)}")
-
-
 def _seen(table: Columns) -> str:
     names = "without names" if table.names is None else ", ".join(table.names)
-    return f"The source has {len(table.data)} columns: {names}."
+    return f"The source has {table.count} columns: {names}."

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import real_array, require_x64
-from gmwm_jax._internal.nav_columns import open_source
+from gmwm_jax._internal.tabular import Reading, open_source
 from gmwm_jax._internal.typing import Real
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
@@ -34,16 +34,17 @@ def read_trajectory(
     time_unit: str | None = None,
     origin: Sequence[Real] | np.ndarray | None = None,
     delimiter: str | None = None,
+    header: int | None = None,
     variable: str | None = None,
     name: str | None = None,
 ) -> Trajectory:
     """Read a trajectory from a file, an array, a mapping, a DataFrame or an xarray Dataset.
 
-    Files are ``.csv .tsv .txt .dat .npy .npz .parquet .rda .rdata .nc``. The columns are time, three of position, roll,
-    pitch, yaw, and perhaps three of velocity. They are found by their names (``time``, ``north`` or ``x_N``, ``lat``,
-    ``yaw``, ``v_n`` ..., also with a unit behind: ``yaw_deg``), or, without names, by the order just said. Units come
-    from the names, from the ``units`` of xarray, or from the arguments, and are never guessed. Without velocities they
-    are derived from the positions. Yaw may be wrapped or not.
+    Files are ``.csv .tsv .txt .dat .log .asc .npy .npz .parquet .rda .rdata .nc``. The columns are time, three of
+    position, roll, pitch, yaw, and perhaps three of velocity. They are found by their names (``time``, ``north`` or
+    ``x_N``, ``lat``, ``yaw``, ``v_n`` ..., also with a unit behind: ``yaw_deg``), or, without names, by the order just
+    said. Units come from the names, from the ``units`` of xarray, or from the arguments, and are never guessed. Without
+    velocities they are derived from the positions. Yaw may be wrapped or not.
 
     Geodetic positions become north, east, down in the tangent frame at `origin`; velocity and attitude, which refer to
     the north and the vertical of each point, are turned into the same frame.
@@ -68,6 +69,8 @@ def read_trajectory(
         Latitude, longitude (rad) and height (m) of the origin; the first point unless given.
     delimiter
         Of a text file; found unless given.
+    header
+        Number of lines of a text file to skip; comments and at most one line of names unless given.
     variable
         The object to read, where an ``.npz`` or R file holds several.
     name
@@ -86,7 +89,7 @@ def read_trajectory(
     require_x64()
     is_file = isinstance(source, str | os.PathLike)
     try:
-        table = open_source(source, delimiter, variable)
+        table = open_source(source, Reading(delimiter, header, variable))
         system, numbers = choose(table, position, columns)
         read = Reader(table, numbers, angles, time_unit)
         time = read.time()

@@ -422,3 +422,36 @@ def test_missing_packages_are_named(write, monkeypatch, name, package, modules):
         monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ImportError, match=rf'package {package}: pip install "gmwm-jax\[io\]"'):
         read_recording(write("", name), **STATED)
+
+
+# netCDF and archives of vectors
+
+
+def test_netcdf_states_units(tmp_path):
+    import xarray as xr
+
+    channels = {name: ("t", X[:, i], {"units": "deg/s"}) for i, name in enumerate(("Gyro X", "gyro_y"))}
+    xr.Dataset({**channels, "t": T}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    rec = read_recording(tmp_path / "a.nc", time="t")
+    assert (rec.channels, rec.units) == (("gyro_x", "gyro_y"), ("rad/s", "rad/s"))
+    np.testing.assert_allclose(rec.data, X[:, :2] * DEG, rtol=1e-15)
+    with pytest.raises(ValueError, match=r"states its units \(deg/s, deg/s\): leave out units"):
+        read_recording(tmp_path / "a.nc", time="t", units="rad/s")
+    with pytest.raises(ValueError, match="'t' looks like time"):
+        read_recording(tmp_path / "a.nc", rate=50.0)
+    xr.Dataset({**channels, "other": ("t", X[:, 2])}).to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match="states units, but not of other"):
+        read_recording(tmp_path / "b.nc", rate=50.0)
+    assert read_recording(tmp_path / "b.nc", rate=50.0, columns=["gyro_y"]).channels == ("gyro_y",)
+
+
+def test_vectors_of_an_archive_are_channels(tmp_path):
+    np.savez(tmp_path / "a.npz", x=X[:, 0], y=X[:, 1])
+    rec = read_recording(tmp_path / "a.npz", **STATED)
+    assert rec.channels == ("x", "y")
+    np.testing.assert_array_equal(rec.data, X[:, :2])
+    np.savez(tmp_path / "b.npz", x=X[:, 0], matrix=X)  # nothing is left out silently
+    with pytest.raises(ValueError, match=r"Beside the columns x there are matrix, .*variable="):
+        read_recording(tmp_path / "b.npz", **STATED)
+    np.testing.assert_array_equal(read_recording(tmp_path / "b.npz", **STATED, variable="matrix").data, X)
+    assert read_recording(tmp_path / "b.npz", **STATED, columns=["x"]).channels == ("x",)

@@ -169,8 +169,14 @@ ROW = "0,0,0,0,0,0,0\n1,1,0,0,0,0,0\n"
         (lambda d: read_trajectory({"name": np.array("x")}, angles="rad"), "no column among name"),
         (lambda d: read_trajectory(write(d / "a.csv", ""), **STATED), r"a\.csv: .* no line of data"),
         (lambda d: read_trajectory(write(d / "a.csv", ROW + "2,3\n"), **STATED), "Line 3 has 2 fields"),
-        (lambda d: read_trajectory(write(d / "a.csv", ROW + "2,x,0,0,0,0,0\n"), **STATED), "Line 3 holds 'x'"),
-        (lambda d: read_trajectory(write(d / "a.csv", "t;n\n0;1,5\n")), "decimal commas"),
+        (
+            lambda d: read_trajectory(write(d / "a.csv", ROW + "2,x,0,0,0,0,0\n"), **STATED),
+            "Line 3, column 1 holds the text 'x'",
+        ),
+        (
+            lambda d: read_trajectory(write(d / "a.csv", ROW.replace(",", ";").replace(";1;", ";1,5;")), **STATED),
+            "decimal commas",
+        ),
         (lambda d: read_trajectory(write(d / "a.csv", "t,n,e\n")), "no data"),
         (lambda d: read_trajectory(write(d / "a.npz", "text")), "no NumPy file"),
         (lambda d: read_trajectory(write(d / "a.RData", "text")), "no R data file"),
@@ -189,3 +195,11 @@ def test_refusals(tmp_path, call, complaint):
 def test_missing_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="no file"):
         read_trajectory(tmp_path / "a.csv")
+
+
+def test_columns_of_text_and_lines_of_units_are_left_out(tmp_path):
+    rows = "".join(",".join(map(str, row)) + f",{'ok' if i else ''}\n" for i, row in enumerate(TABLE))
+    named = write(tmp_path / "a.csv", ",".join([*NAMES, "status"]) + "\n" + rows)
+    assert_same(read_trajectory(named, angles="rad"))
+    units = write(tmp_path / "b.csv", ",".join([*NAMES, "status"]) + "\ns,m,m,m,rad,rad,rad,\n" + rows)
+    assert_same(read_trajectory(units, angles="rad", header=2, columns=NAMES))
