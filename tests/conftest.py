@@ -1,7 +1,9 @@
 """Strict settings for the whole run, made before either package is imported."""
 
 import gc
+import hashlib
 import os
+import platform
 from pathlib import Path
 
 # Most of the time of the suite goes into compiling programs that run once; the older of XLA's two code generators for
@@ -15,6 +17,25 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_num_cpu_devices", 2)
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def kind_of_cpu():
+    """A short name of the processor and of the flags that decide for which instructions XLA compiles."""
+    described = platform.machine() + platform.processor() + os.environ["XLA_FLAGS"]
+    info = Path("/proc/cpuinfo")
+    if info.exists():  # the first processor, without the lines of its clock
+        lines = info.read_text().split("\n\n")[0].splitlines()
+        described += "".join(line for line in lines if line.startswith(("model name", "flags", "Features")))
+    return hashlib.sha256(described.encode()).hexdigest()[:12]
+
+
+if not jax.config.jax_compilation_cache_dir:  # JAX_COMPILATION_CACHE_DIR decides otherwise
+    # A program compiled for one processor is wrong or an error on another, so that each kind has its own.
+    jax.config.update("jax_compilation_cache_dir", str(ROOT / ".pytest_cache" / f"jax-{kind_of_cpu()}"))
+    # what compiles faster than this is not faster read
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -30,8 +51,29 @@ def quick_compilation():
     jax.config.update("jax_disable_most_optimizations", True)
     yield
     jax.config.update("jax_disable_most_optimizations", False)
-    jax.clear_caches()
-    gc.collect()
+
+
+MAX_BYTES, MAX_MAPS = 3e9, 30_000
+"""Of one process: of memory, and of memory maps, of which Linux allows 65,530 and a compiled program takes several."""
+
+
+def is_full():
+    """Whether compiled programs have used up what one process should hold; where nobody knows, it is."""
+    process = Path("/proc/self")
+    if not process.exists():
+        return True
+    num_bytes = int((process / "statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    with (process / "maps").open("rb") as maps:
+        return num_bytes > MAX_BYTES or sum(1 for _ in maps) > MAX_MAPS
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_programs_do_not_pile_up():
+    """Nothing frees them, and thousands in one process end in a crash of the compiler; until then files share them."""
+    yield
+    if is_full():
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture
