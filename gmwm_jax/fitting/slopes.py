@@ -11,19 +11,13 @@ from jaxtyping import Float
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import Estimate, EstimateTable
-from gmwm_jax.processes.base import Composite
-from gmwm_jax.processes.continuous import CONTINUOUS, from_continuous
+from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.continuous_form import AllanLine, Quantity
+from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
+from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
 from gmwm_jax.variance.gap_covariance import covariance_under
-
-# Allan deviation = coefficient * factor * T^slope (IEEE 952, annex C), symbols as there
-_SLOPES: dict[str, tuple[float, float, str]] = {
-    "QN": (-1.0, math.sqrt(3.0), "Q"),
-    "WN": (-0.5, 1.0, "N"),
-    "RW": (0.5, 1 / math.sqrt(3.0), "K"),
-    "DR": (1.0, 1 / math.sqrt(2.0), "R"),
-}
 
 
 def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
@@ -51,10 +45,10 @@ def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
         raise ValueError(f"Slopes need at least 3 averaging times, and there are {len(T)}.")
     slopes = np.gradient(np.log(d), np.log(T))
     estimates = []
-    for kind in ("WN", "RW"):
-        slope, factor, symbol = _SLOPES[kind]
+    for cls in (WN, RW):
+        (slope, factor), coefficient = _line(cls)
+        symbol, unit = coefficient.symbol, coefficient.si_unit(adev.wv.units[0])
         at = int(np.argmin(np.abs(slopes - slope)))
-        unit = _quantity(kind).si_unit(adev.wv.units[0])
         if abs(slopes[at] - slope) > tolerance:
             note = f"no slope of {slope:+g} (nearest {slopes[at]:+.2f})"
             estimates.append(Estimate("Allan", symbol, np.nan, unit, note=note))
@@ -116,27 +110,23 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     """
     _require_single(adev)
     f, unit = _rate(adev), adev.wv.units[0]
+    lines = {k: cls for k, cls in PROCESSES.items() if cls.continuous is not None and cls.continuous.allan_line}
     chosen, coefficients = {}, {}
     for kind, (shortest, longest) in ranges.items():
-        if kind not in _SLOPES:
-            raise ValueError(f"{kind!r} is no straight line in the log Allan deviation; {', '.join(_SLOPES)} are.")
+        if kind not in lines:
+            raise ValueError(f"{kind!r} is no straight line in the log Allan deviation; {', '.join(lines)} are.")
         inside = (adev.times >= shortest) & (adev.times <= longest)
         if not np.any(inside):
             raise ValueError(
                 f"{kind}: no averaging time between {shortest:g} and {longest:g} s; "
                 f"there are {', '.join(f'{t:g}' for t in adev.times)}."
             )
-        slope, factor, _ = _SLOPES[kind]
+        slope, factor = _line(lines[kind])[0]
         chosen[kind] = inside
         coefficients[kind] = float(
             np.exp(np.mean(np.log(adev.deviation[inside]) - slope * np.log(adev.times[inside]))) / factor
         )
-    processes = []
-    for kind, coefficient in coefficients.items():
-        filter_value = coefficient**2 if kind in ("WN", "RW") else coefficient
-        build: Any = PROCESSES[kind]
-        processes.append(build(*from_continuous(kind, (filter_value,), f)))
-    model = Composite(processes)
+    model = Composite([_of_coefficient(lines[kind], value, f) for kind, value in coefficients.items()])
 
     nu = np.asarray(model.wavelet_variance(adev.wv.scales))
     V = covariance_under(model, adev.wv)
@@ -147,14 +137,25 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
         w = chosen[kind] / np.sum(chosen[kind])
         spread = np.nan if correlated is None else z * math.sqrt(w @ correlated @ w)
         ends = value * np.exp([-spread, spread])
-        symbol = _SLOPES[kind][2]
-        estimates.append(Estimate(kind, symbol, value, _quantity(kind).si_unit(unit), float(ends[0]), float(ends[1])))
+        quantity = _line(lines[kind])[1]
+        estimates.append(Estimate(kind, quantity.symbol, value, quantity.si_unit(unit), float(ends[0]), float(ends[1])))
     table = EstimateTable("Allan variance linear regression", tuple(estimates), adev.wv.level)
     return SlopeRegression(table, model, adev)
 
 
-def _quantity(kind: str) -> Any:
-    return CONTINUOUS[kind].datasheet[0]
+def _line(cls: type[AbstractProcess]) -> tuple[AllanLine, Quantity]:
+    """The line of a process, and its coefficient."""
+    form = cls.continuous
+    assert form is not None
+    assert form.allan_line is not None
+    return form.allan_line, form.datasheet[0]
+
+
+def _of_coefficient(cls: type[AbstractProcess], coefficient: float, f: float) -> AbstractProcess:
+    """The process whose line has a coefficient, to whose square the amplitude is proportional."""
+    build: Any = cls
+    of_unit = float(_line(cls)[1].value(1.0, f))
+    return build(cls.value_of((coefficient / of_unit) ** 2))
 
 
 def _rate(adev: AllanDeviation) -> float:

@@ -14,7 +14,7 @@ from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.standard_errors import evaluate
 from gmwm_jax.processes.base import AbstractProcess, Composite
-from gmwm_jax.processes.continuous import Quantity, continuous_form
+from gmwm_jax.processes.continuous_form import Quantity
 from gmwm_jax.processes.registry import as_model
 
 AT = "at boundary: "
@@ -46,6 +46,8 @@ class EstimateTable:
     title: str
     estimates: tuple[Estimate, ...]
     level: float = 0.95
+    remarks: tuple[str, ...] = ()
+    """Sentences that stand below the table."""
 
     def __getitem__(self, key: tuple[str, str]) -> Estimate:
         for e in self.estimates:
@@ -70,7 +72,8 @@ class EstimateTable:
         intervals = any(np.isfinite(e.ci_low) for e in self.estimates)
         notes = any(e.note for e in self.estimates)
         kept = [i for i in range(7) if (intervals or i not in (3, 4)) and (notes or i != 6)]
-        return f"{self.title}\n{format_table([head[i] for i in kept], [[r[i] for i in kept] for r in rows], left=2)}"
+        table = format_table([head[i] for i in kept], [[r[i] for i in kept] for r in rows], left=2)
+        return "\n".join([self.title, *([table] if rows else []), *self.remarks])
 
     def to_list(self) -> list[dict[str, Any]]:
         """Plain dictionaries for JSON; None where there is no number."""
@@ -160,24 +163,27 @@ def continuous_table(
         p.require_complete()
     units_.require_si(unit)
     f = sampling_rate(rate)
-    forms = [continuous_form(type(p)) for p in model.processes]
     # both tables at once: what was compiled for one serves the other
-    logs = LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), f)
+    logs = logs_of(model, f)
     values = np.exp(np.asarray(evaluate(logs, model)))
     spread = np.full_like(values, np.nan) if errors is None else z * errors(logs)
-    estimates, at = [], -1
-    for label, p, form in zip(model.labels, model.processes, forms, strict=True):
+    estimates, remarks, at = [], [], -1
+    for label, p in zip(model.labels, model.processes, strict=True):
+        form = p.continuous
+        if form is None:
+            remarks.append(f"{label} has no continuous-time form: its class does not define `continuous`.")
+            continue
         for i, q in enumerate((*form.filter, *form.datasheet)):
             at += 1
             of_datasheet = i >= len(form.filter)
-            if of_datasheet != datasheet and q.symbol != "tau_c":  # the time stands in both
+            if of_datasheet != datasheet and not q.in_both:
                 continue
             note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
             if _is_confused(spread, at, note):
                 note = CONFUSED
             value, factor = float(values[at]), np.exp(spread[at]) if 0 < spread[at] < _WIDEST else np.nan
             if np.isnan(value):
-                note = "none for phi <= 0"
+                note = form.undefined
             if note == UNSEEN:
                 value = np.nan
             si = q.si_unit(unit)
@@ -185,7 +191,7 @@ def continuous_table(
             value /= 1.0 if shown == si else units_.unit(shown).factor
             estimates.append(Estimate(label, q.symbol, value, shown, value / factor, value * factor, note, q.meaning))
     title = "Datasheet units" if datasheet else "Continuous time, SI"
-    return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), level)
+    return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), level, tuple(remarks))
 
 
 @dataclass(frozen=True)
@@ -198,7 +204,13 @@ class LogQuantities:
     def __call__(self, model: Composite) -> Array:
         """Logs of all quantities, component by component."""
         pairs = zip(model.processes, self.quantities, strict=True)
-        return jnp.log(jnp.stack([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
+        return jnp.log(jnp.array([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
+
+
+def logs_of(model: Composite, rate: float) -> LogQuantities:
+    """The logs of all continuous-time quantities of a model: none of a process without a continuous-time form."""
+    forms = [p.continuous for p in model.processes]
+    return LogQuantities(tuple(() if form is None else (*form.filter, *form.datasheet) for form in forms), rate)
 
 
 def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: str) -> bool:

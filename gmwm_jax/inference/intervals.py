@@ -17,9 +17,8 @@ from jaxtyping import Float
 from gmwm_jax._internal.checks import confidence
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.standard_errors import delta_method, evaluate, parameter_covariance
-from gmwm_jax.fitting.tables import Estimate, EstimateTable, LogQuantities
+from gmwm_jax.fitting.tables import Estimate, EstimateTable, LogQuantities, logs_of
 from gmwm_jax.processes.base import Composite
-from gmwm_jax.processes.continuous import continuous_form
 
 KINDS = ("percentile", "basic", "studentised")
 _IN_A_TAIL = 5
@@ -78,8 +77,7 @@ def as_parameters(
 
 def log_quantities(fit: Fit) -> LogQuantities:
     """The logs of all continuous-time quantities of a fit."""
-    forms = [continuous_form(type(p)) for p in fit.model.processes]
-    return LogQuantities(tuple((*form.filter, *form.datasheet) for form in forms), float(fit.rate or 0.0))
+    return logs_of(fit.model, float(fit.rate or 0.0))
 
 
 def in_table(

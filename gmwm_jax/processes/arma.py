@@ -23,7 +23,8 @@ from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes._maths import doubling as _doubling
 from gmwm_jax.processes._maths.arma_covariance import haar_covariance
 from gmwm_jax.processes.base import AbstractProcess, scaled
-from gmwm_jax.processes.gauss_markov import AR1
+from gmwm_jax.processes.continuous_form import ContinuousForm
+from gmwm_jax.processes.gauss_markov import AR1, GM
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
@@ -353,4 +354,45 @@ def ARMA(p: int, q: int) -> type[AbstractProcess]:
         "white_part": q - p if q >= p else None,
         "adjusts_white_part": q >= p,
     }
-    return new_class(name, (AbstractArma,), exec_body=lambda namespace: namespace.update(members))
+    made = new_class(name, (AbstractArma,), exec_body=lambda namespace: namespace.update(members))
+    made.continuous = _continuous(made)
+    return made
+
+
+def _continuous(cls: type[AbstractArma]) -> ContinuousForm:
+    """Coefficients belong to a sampling rate: what is left is the standard deviation, and white noise far beyond."""
+    assert GM.continuous is not None
+    _, q = GM.continuous.filter
+    sigma, _, _, white = GM.continuous.datasheet
+    reads = tuple(range(len(cls.parameters)))
+
+    def density_of(*values: Any) -> Any:
+        *shape, sigma2, f = values
+        return sigma2 * cls.unit_psd(tuple(shape), jnp.zeros(())) / f
+
+    def sigma_of(*values: Any) -> Any:
+        *shape, sigma2, _ = values
+        return jnp.sqrt(sigma2 * cls.unit_autocovariance(tuple(shape), jnp.zeros(())))
+
+    return ContinuousForm(
+        filter=(
+            q._replace(
+                symbol="q_0",
+                meaning="PSD at frequency 0",
+                suffix="^2/Hz",
+                value=density_of,
+                reads=reads,
+                determined_at="",
+            ),
+        ),
+        datasheet=(
+            sigma._replace(value=sigma_of, reads=reads, determined_at=""),
+            white._replace(
+                meaning="density as white noise, at long times",
+                value=lambda *v: jnp.sqrt(density_of(*v)),
+                reads=reads,
+                determined_at="",
+            ),
+        ),
+        inverse=None,
+    )

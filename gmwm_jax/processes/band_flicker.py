@@ -32,6 +32,7 @@ from gmwm_jax.processes._maths.circulant import draw_stationary
 from gmwm_jax.processes._maths.cosine_integral import cosine_integral
 from gmwm_jax.processes._maths.haar import Points, nine_terms
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
@@ -51,6 +52,12 @@ _LAGUERRE = np.stack(np.polynomial.laguerre.laggauss(20), axis=1)
 """Nodes and weights."""
 _EMBEDDING = 4
 """Half the length of the circulant of a simulation, in records."""
+
+
+_CORNER = Quantity("f0", "corner frequency", None, lambda f0, B, f: f0 * f, unit="1/s", gyro=("Hz",), accel=("Hz",))
+_COEFFICIENT = Quantity(
+    "B", "bias instability", "", lambda f0, B, f: 1.0 * B, reads=(1,), determined_at="flicker noise"
+)
 
 
 class FLK(AbstractProcess):
@@ -77,6 +84,14 @@ class FLK(AbstractProcess):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("f0", "1/sample", "corner frequency"),
         Parameter("B", "{u}", "bias instability", determined_at="flicker noise"),
+    )
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(_CORNER, _COEFFICIENT),
+        datasheet=(
+            _CORNER._replace(symbol="f_0"),
+            _COEFFICIENT._replace(gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+        ),
+        inverse=lambda f0, B, f: (f0 / f, 1.0 * B),
     )
 
     def __init__(self, f0: Any = None, B: Any = None):

@@ -3,8 +3,8 @@
 A process is *separable*: its covariance is an amplitude (a variance, a squared slope) times a unit covariance that
 depends on the remaining *shape* parameters only. The estimator solves for amplitudes exactly and searches over shapes.
 
-One more process is one file that derives from `AbstractProcess`, one entry in `gmwm_jax.processes.registry`, one row in
-`gmwm_jax.processes.continuous.CONTINUOUS` and one row in the table of the tests.
+One more process is one file that derives from `AbstractProcess`, one entry in `gmwm_jax.processes.registry` and one row
+in the table of the tests. Whatever others need to know of a process, it says itself: nobody asks for its name.
 """
 
 import abc
@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.checks import as_float, concrete, spans
 from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax.processes.continuous_form import ContinuousForm
 from gmwm_jax.processes.parameter import Fixed, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
@@ -44,6 +45,20 @@ class AbstractProcess(eqx.Module):
     """Can its shape imitate every such part up to its degree?"""
     ergodic: ClassVar[bool] = True
     """Does one record tell the law of all? Else its wavelet variance has no covariance of the usual kind."""
+    deterministic: ClassVar[bool] = False
+    """Is it a function of time, with nothing random but a sign that no variance shows? Then it is the mean of the Haar
+    coefficients, and no noise."""
+    driven: ClassVar[bool] = True
+    """Does new noise drive it at each sample? Else all that is random in it is how it starts: a filter or a simulation
+    whose states start from zero leaves it its start, without which it would not be there."""
+    in_filter: ClassVar[bool] = True
+    """Does a filter hold it, as states or as white noise? Not where its integral stays bounded, so that a filter loses
+    next to nothing without it, see `bounded_integral`."""
+    other_form: ClassVar["type[AbstractProcess] | None"] = None
+    """The class that is the same process in other parameters: a model has one of the two."""
+    continuous: ClassVar[ContinuousForm | None] = None
+    """Its continuous-time form, by which tables show it and by which it moves to another sampling rate; None if it has
+    no such form."""
     fixed: tuple[str, ...] = eqx.field(static=True)
     """Names of the parameters that estimation holds."""
 
@@ -146,7 +161,23 @@ class AbstractProcess(eqx.Module):
 
     @abc.abstractmethod
     def state_space(self) -> StateSpace | None:
-        """The process as samples of a Markov chain plus white noise; None where it has no such form."""
+        """The process as samples of a Markov chain plus white noise; None where it has no such form.
+
+        The form has the first two moments of the process, and is the process where that is Gaussian.
+        """
+
+    @classmethod
+    def state_names(cls, num: int) -> tuple[str, ...]:
+        """What follows the name of the process for each of the `num` states of its state-space form; "" for itself."""
+        return tuple(f"driver {i}" if i else "" for i in range(num))
+
+    def filter_form(self) -> StateSpace | None:
+        """What a filter holds of it: `state_space`, or None where it leaves the process out."""
+        return self.state_space() if self.in_filter else None
+
+    def bounded_integral(self) -> Any | None:
+        """The variance that the sum of its samples never exceeds; None where it grows with their number."""
+        return None
 
     @staticmethod
     def amplitude_of(value: Any) -> Any:
@@ -301,8 +332,12 @@ class Composite(eqx.Module):
                     f"{count} x {cls.kind}: two {cls.kind} processes add up to one and cannot be told apart. "
                     f"Keep one {cls.kind}."
                 )
-        if {"GM", "AR1"} <= {cls.kind for cls in counts}:
-            raise ValueError("GM and AR1 are one process in two parametrisations: use one of them in a model.")
+        for cls in counts:
+            other = cls.other_form
+            if other is not None and other in counts:
+                raise ValueError(
+                    f"{other.kind} and {cls.kind} are one process in two parametrisations: use one of them in a model."
+                )
         for a, b in itertools.permutations(counts, 2):
             if a.white_part is None or b.white_part is None or not a.adjusts_white_part:
                 continue

@@ -1,5 +1,6 @@
 """Drift (rate ramp)."""
 
+import math
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import AllanLine, ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
@@ -29,6 +31,17 @@ class DR(AbstractProcess):
 
     kind: ClassVar[str] = "DR"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("omega", "{u}", "slope"),)
+    deterministic: ClassVar[bool] = True
+    driven: ClassVar[bool] = False
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(Quantity("R", "rate ramp", "/s", lambda omega, f: omega * f),),
+        datasheet=(
+            Quantity("R", "rate ramp", "/s", lambda omega, f: omega * f,
+                     gyro=("deg/h/h", "deg/s/h"), accel=("ug/h", "mg/h")),
+        ),
+        inverse=lambda R, f: (R / f,),
+        allan_line=AllanLine(1.0, 1 / math.sqrt(2.0)),
+    )  # fmt: skip
 
     def __init__(self, omega: Any = None):
         self._set(omega=omega)
@@ -69,3 +82,7 @@ class DR(AbstractProcess):
         transition = jnp.array([[1.0, 1.0], [0.0, 1.0]])
         initial = self.amplitude * jnp.ones((2, 2))
         return StateSpace(transition, jnp.zeros((2, 2)), jnp.array([1.0, 0.0]), initial, jnp.zeros(()))
+
+    @classmethod
+    def state_names(cls, num: int) -> tuple[str, ...]:  # noqa: D102
+        return "", "slope"

@@ -14,6 +14,7 @@ from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths import power_law as _power_law
 from gmwm_jax.processes._maths.circulant import draw_stationary
 from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
@@ -45,6 +46,15 @@ class BI(AbstractProcess):
 
     kind: ClassVar[str] = "BI"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("B", "{u}", "bias instability"),)
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(Quantity("B", "bias instability", "", lambda B, f: 1.0 * B),),
+        datasheet=(
+            Quantity("B", "bias instability", "", lambda B, f: 1.0 * B, gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+            Quantity("floor", "flat Allan deviation", "", lambda B, f: jnp.sqrt(2 * jnp.log(2.0) / jnp.pi) * B,
+                     gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+        ),
+        inverse=lambda B, f: (1.0 * B,),
+    )  # fmt: skip
 
     def __init__(self, B: Any = None):
         self._set(B=B)

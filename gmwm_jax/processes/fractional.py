@@ -13,11 +13,26 @@ from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths import power_law as _power_law
 from gmwm_jax.processes._maths.circulant import draw_stationary
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 _END = math.log(1e9)
 """Bounds of the logit of H: nearer to 0 or 1 the wavelet variance of 2^24 samples changes by less than 4e-8."""
+
+
+def density(H: Any) -> Any:
+    """Return h of the spectrum h |f|^(1-2H) for variance 1, f in cycles per sample."""
+    # sin(pi H), by whichever of H and 1 - H is the smaller
+    return jnp.sin(jnp.pi * jnp.minimum(H, 1 - H)) * gamma(2 * H + 1) * (2 * jnp.pi) ** (1 - 2 * H)
+
+
+def _density_at_1_hz(H: Any, sigma2: Any, f: Any) -> Any:
+    # h |f|^(1-2H) in cycles per sample, of which there are f in a second
+    return sigma2 * density(H) * f ** (2 * H - 2)
+
+
+_HURST = Quantity("H", "Hurst exponent", None, lambda H, sigma2, f: 1.0 * H, unit="1", gyro=("1",), accel=("1",))
 
 
 class FGN(AbstractProcess):
@@ -45,6 +60,16 @@ class FGN(AbstractProcess):
         Parameter("H", "1", "Hurst exponent", upper=1.0),
         Parameter("sigma2", "({u})^2", "variance", determined_at="quantisation noise"),
     )
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(_HURST, Quantity("S_1", "PSD at 1 Hz", "^2/Hz", _density_at_1_hz, reads=(0, 1))),
+        datasheet=(
+            _HURST,
+            Quantity("N_1", "density at 1 Hz", "/sqrt(Hz)",
+                     lambda H, sigma2, f: jnp.sqrt(_density_at_1_hz(H, sigma2, f)),
+                     gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)"), reads=(0, 1)),
+        ),
+        inverse=lambda H, S, f: (H, S / _density_at_1_hz(H, 1.0, f)),
+    )  # fmt: skip
 
     def __init__(self, H: Any = None, sigma2: Any = None):
         self._set(H=H, sigma2=sigma2)
@@ -109,9 +134,3 @@ class FGN(AbstractProcess):
         """None: it has a memory on all time scales at once."""
         self.require_complete()
         return None
-
-
-def density(H: Any) -> Any:
-    """Return h of the spectrum h |f|^(1-2H) for variance 1, f in cycles per sample."""
-    # sin(pi H), by whichever of H and 1 - H is the smaller
-    return jnp.sin(jnp.pi * jnp.minimum(H, 1 - H)) * gamma(2 * H + 1) * (2 * jnp.pi) ** (1 - 2 * H)

@@ -36,6 +36,7 @@ from gmwm_jax.processes._maths.haar import gap, second_differences
 from gmwm_jax.processes._maths.recursion import first_order_recursion
 from gmwm_jax.processes._series import exp_cubic, exp_ratio, haar_exp, sinh_excess
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace, scalar_state
 
@@ -76,6 +77,44 @@ def haar_covariance_over_beta(beta: Any, lag: Any, n_j: Any, n_k: Any) -> Any:
     return jnp.where(between >= 0, apart, overlapping) / (E * E)
 
 
+# GM and AR1 are one process: beta per sample with phi = exp(-beta), and variance = sigma2/(1 - phi^2).
+# dx/dt = -beta_c x + w with E[w w'] = q delta has the variance q/(2 beta_c); hence q = 2 beta_c variance. (The online
+# platform shows variance * f for q, too large by 1/(2 beta).)
+_CONTINUOUS = ContinuousForm(
+    filter=(
+        Quantity("beta", "inverse correlation time", None, lambda beta, variance, f: beta * f, unit="1/s"),
+        Quantity("q", "PSD of the driving noise", "^2/s", lambda beta, variance, f: 2 * beta * f * variance,
+                 reads=(0, 1), determined_at="random walk"),
+    ),
+    datasheet=(
+        Quantity("sigma", "standard deviation", "", lambda beta, variance, f: jnp.sqrt(variance),
+                 gyro=("deg/h", "deg/s"), accel=("ug", "mg"), reads=(1,), determined_at="white noise"),
+        Quantity("tau_c", "correlation time", None, lambda beta, variance, f: 1 / (beta * f), unit="s",
+                 gyro=("s", "h"), accel=("s", "h"), in_both=True),
+        Quantity("sqrt(q)", "driving noise density", "/sqrt(s)",
+                 lambda beta, variance, f: jnp.sqrt(2 * beta * f * variance),
+                 gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)"), reads=(0, 1),
+                 determined_at="random walk"),
+        # Below its corner the PSD is flat: over times much longer than tau_c the process is white noise. The PSD of
+        # the *sampled* process at 0 is variance (1+phi)/(1-phi)/f; in continuous time, or for a slow process, q/beta^2.
+        Quantity("N_0", "density as white noise, far beyond tau_c", "/sqrt(Hz)",
+                 lambda beta, variance, f: jnp.sqrt(variance / (jnp.tanh(beta / 2) * f)),
+                 gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)"), reads=(0, 1),
+                 determined_at="white noise"),
+    ),
+    inverse=lambda beta, q, f: (beta / f, q / (2 * beta)),
+)  # fmt: skip
+
+
+def _of_ar1(quantity: Quantity) -> Quantity:
+    """A quantity of GM from the parameters of AR1."""
+
+    def value(phi: Any, sigma2: Any, f: Any) -> Any:
+        return quantity.value(-jnp.log(phi), sigma2 / ((1 - phi) * (1 + phi)), f)
+
+    return quantity._replace(value=value, reads=(0,) if quantity.suffix is None else (0, 1))
+
+
 class GM(AbstractProcess):
     """First-order Gauss-Markov process by inverse correlation time and variance: a bias that wanders and returns.
 
@@ -96,6 +135,7 @@ class GM(AbstractProcess):
         Parameter("variance", "({u})^2", "variance of the process", determined_at="white noise"),
     )
     repeatable: ClassVar[bool] = True
+    continuous: ClassVar[ContinuousForm | None] = _CONTINUOUS
 
     def __init__(self, beta: Any = None, variance: Any = None):
         self._set(beta=beta, variance=variance)
@@ -176,6 +216,18 @@ class AR1(AbstractProcess):
         Parameter("sigma2", "({u})^2", "variance of the innovations", determined_at="random walk"),
     )
     repeatable: ClassVar[bool] = True
+    other_form: ClassVar[type[AbstractProcess] | None] = GM
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=tuple(map(_of_ar1, _CONTINUOUS.filter)),
+        datasheet=(
+            *map(_of_ar1, _CONTINUOUS.datasheet[:-1]),
+            # the same without the logarithm, which phi < 0 has not
+            _CONTINUOUS.datasheet[-1]._replace(value=lambda phi, sigma2, f: jnp.sqrt(sigma2 / f) / (1 - phi)),
+        ),
+        # sigma2 = variance (1 - phi^2), by expm1 since phi may be 1 - 1e-12
+        inverse=lambda beta, q, f: (jnp.exp(-beta / f), -q / (2 * beta) * jnp.expm1(-2 * beta / f)),
+        undefined="none for phi <= 0",
+    )
 
     def __init__(self, phi: Any = None, sigma2: Any = None):
         self._set(phi=phi, sigma2=sigma2)

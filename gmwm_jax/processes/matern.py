@@ -48,6 +48,7 @@ from gmwm_jax.processes._series import (
     sinh_ratio,
 )
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import ContinuousForm
 from gmwm_jax.processes.gauss_markov import GM
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
@@ -282,6 +283,39 @@ class _Matern(AbstractProcess):
         return StateSpace(jnp.exp(-beta) * transition, initial * driven, readout, initial, jnp.zeros(()))
 
 
+def _continuous(power: int, factor: float, dimension: str, white: Callable[..., Any]) -> ContinuousForm:
+    """Low-pass filters in a row: q = factor beta^power variance drives (d/dt + beta)^p x (Gelb 1974)."""
+    assert GM.continuous is not None
+    beta, q = GM.continuous.filter
+    sigma, time, _, density = GM.continuous.datasheet
+    return ContinuousForm(
+        filter=(
+            beta,
+            q._replace(
+                suffix=f"^2/{dimension}",
+                value=lambda beta, variance, f: factor * (beta * f) ** power * variance,
+                determined_at="drift",
+            ),
+        ),
+        datasheet=(
+            sigma,
+            time._replace(meaning="time constant"),
+            density._replace(value=lambda beta, variance, f: jnp.sqrt(white(beta) * variance / f)),
+        ),
+        inverse=lambda beta, q, f: (beta / f, q / (factor * beta**power)),
+    )
+
+
+# the PSD at frequency 0, by differentiating that of GM, coth(beta/2): see the head of this file
+def _white_32(beta: Any) -> Any:
+    return 1 / jnp.tanh(beta / 2) + beta / 2 / jnp.sinh(beta / 2) ** 2
+
+
+def _white_52(beta: Any) -> Any:
+    squared = jnp.sinh(beta / 2) ** 2
+    return (1 + beta * beta / 6 / squared) / jnp.tanh(beta / 2) + beta / 2 / squared
+
+
 class MAT32(_Matern):
     """Second-order Gauss-Markov process (critically damped), or Matern process of smoothness 3/2.
 
@@ -302,6 +336,7 @@ class MAT32(_Matern):
 
     kind: ClassVar[str] = "MAT32"
     order: ClassVar[int] = 2
+    continuous: ClassVar[ContinuousForm | None] = _continuous(3, 4.0, "s^3", _white_32)
 
 
 class MAT52(_Matern):
@@ -324,3 +359,4 @@ class MAT52(_Matern):
 
     kind: ClassVar[str] = "MAT52"
     order: ClassVar[int] = 3
+    continuous: ClassVar[ContinuousForm | None] = _continuous(5, 16 / 3, "s^5", _white_52)

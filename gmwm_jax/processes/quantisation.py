@@ -1,5 +1,6 @@
 """Quantisation noise."""
 
+import math
 from typing import Any, ClassVar
 
 import jax
@@ -10,6 +11,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths.haar import second_differences, where_filters_overlap
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import AllanLine, ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
@@ -35,6 +37,19 @@ class QN(AbstractProcess):
     kind: ClassVar[str] = "QN"
     white_part: ClassVar[int | None] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("q2", "({u})^2", "variance of the rounding error"),)
+    in_filter: ClassVar[bool] = False
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(Quantity("Q", "quantisation coefficient", "*s", lambda q2, f: jnp.sqrt(q2) / f),),
+        datasheet=(
+            Quantity("Q", "quantisation coefficient", "*s", lambda q2, f: jnp.sqrt(q2) / f,
+                     gyro=("arcsec", "urad"), accel=("m/s", "mm/s")),
+            # a rounding error uniform over one step has the variance LSB^2/12 (IEEE 952, C.1.1)
+            Quantity("LSB", "increment per bit", "*s", lambda q2, f: jnp.sqrt(12 * q2) / f,
+                     gyro=("arcsec", "urad"), accel=("m/s", "mm/s")),
+        ),
+        inverse=lambda Q, f: ((Q * f) ** 2,),
+        allan_line=AllanLine(-1.0, math.sqrt(3.0)),
+    )  # fmt: skip
 
     def __init__(self, q2: Any = None):
         self._set(q2=q2)
@@ -62,7 +77,14 @@ class QN(AbstractProcess):
         rounding = jax.random.uniform(key, (num_samples + 1,), dtype=jnp.float64)
         return jnp.sqrt(12 * self.amplitude) * (rounding[1:] - rounding[:-1])
 
-    def state_space(self) -> StateSpace | None:
-        """None: its increments share the rounding error Y_t, which is neither white nor a state with white readout."""
+    def state_space(self) -> StateSpace:
+        """The last two rounding errors, (Y_t, Y_{t-1}), of which the difference is read."""
         self.require_complete()
-        return None
+        q2 = self.amplitude
+        shift, newest = jnp.array([[0.0, 0.0], [1.0, 0.0]]), jnp.array([[1.0, 0.0], [0.0, 0.0]])
+        return StateSpace(shift, q2 * newest, jnp.array([1.0, -1.0]), q2 * jnp.eye(2), jnp.zeros(()))
+
+    def bounded_integral(self) -> Any:
+        """That of the difference of two rounding errors, the last and the first."""
+        self.require_complete()
+        return 2 * self.amplitude

@@ -1,5 +1,6 @@
 """Random walk."""
 
+import math
 from typing import Any, ClassVar
 
 import jax
@@ -11,6 +12,7 @@ from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths.haar import second_differences, where_filters_overlap
 from gmwm_jax.processes._maths.recursion import first_order_recursion
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import AllanLine, ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace, scalar_state
 
@@ -32,6 +34,15 @@ class RW(AbstractProcess):
 
     kind: ClassVar[str] = "RW"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gamma2", "({u})^2", "variance of a step"),)
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(Quantity("q", "PSD of the driving noise", "^2/s", lambda gamma2, f: gamma2 * f),),
+        datasheet=(
+            Quantity("K", "rate random walk", "/sqrt(s)", lambda gamma2, f: jnp.sqrt(gamma2 * f),
+                     gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)")),
+        ),
+        inverse=lambda q, f: (q / f,),
+        allan_line=AllanLine(0.5, 1 / math.sqrt(3.0)),
+    )  # fmt: skip
 
     def __init__(self, gamma2: Any = None):
         self._set(gamma2=gamma2)

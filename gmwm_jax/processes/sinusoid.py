@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
@@ -46,6 +47,20 @@ class SIN(AbstractProcess):
     )
     repeatable: ClassVar[bool] = True
     ergodic: ClassVar[bool] = False
+    driven: ClassVar[bool] = False
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(
+            Quantity("omega", "angular frequency", None, lambda beta, alpha2, f: beta * f, unit="rad/s"),
+            Quantity("alpha2", "square of the amplitude", "^2", lambda beta, alpha2, f: 1.0 * alpha2, reads=(1,)),
+        ),
+        datasheet=(
+            Quantity("f_0", "frequency", None, lambda beta, alpha2, f: beta * f / (2 * jnp.pi), unit="1/s",
+                     gyro=("Hz",), accel=("Hz",)),
+            Quantity("alpha", "amplitude", "", lambda beta, alpha2, f: jnp.sqrt(alpha2), reads=(1,),
+                     gyro=("deg/h", "deg/s"), accel=("ug", "mg")),
+        ),
+        inverse=lambda omega, alpha2, f: (omega / f, 1.0 * alpha2),
+    )  # fmt: skip
 
     def __init__(self, beta: Any = None, alpha2: Any = None):
         self._set(beta=beta, alpha2=alpha2)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths.haar import second_differences, where_filters_overlap
 from gmwm_jax.processes.base import AbstractProcess
+from gmwm_jax.processes.continuous_form import AllanLine, ContinuousForm, Quantity
 from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.state_space import StateSpace, no_state
 
@@ -32,6 +33,15 @@ class WN(AbstractProcess):
     kind: ClassVar[str] = "WN"
     white_part: ClassVar[int | None] = 0
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("sigma2", "({u})^2", "variance"),)
+    continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
+        filter=(Quantity("q", "PSD", "^2/Hz", lambda sigma2, f: sigma2 / f),),
+        datasheet=(
+            Quantity("N", "random walk (ARW, VRW)", "/sqrt(Hz)", lambda sigma2, f: jnp.sqrt(sigma2 / f),
+                     gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)")),
+        ),
+        inverse=lambda q, f: (q * f,),
+        allan_line=AllanLine(-0.5, 1.0),
+    )  # fmt: skip
 
     def __init__(self, sigma2: Any = None):
         self._set(sigma2=sigma2)

@@ -23,7 +23,6 @@ from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import as_float, require_x64
 from gmwm_jax.processes.base import AbstractProcess, Composite, sum_arrays
-from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.processes.state_space import StateSpace
 
@@ -51,8 +50,7 @@ class GeneralisedLeastSquares(NamedTuple):
 def state_space(model: str | AbstractProcess | Composite) -> StateSpace:
     """A composite as one state-space form: the states of its components in their order, their white parts added.
 
-    Quantisation noise is the moving average u_k - u_{k-1} of the rounding errors, with both as states. Only its first
-    two moments enter here: it is not Gaussian.
+    Only the first two moments of quantisation noise, which is not Gaussian, enter here.
 
     Parameters
     ----------
@@ -210,12 +208,6 @@ def _covariance_times(model: Composite, columns: Float[Array, "N C"]) -> Float[A
 
 
 def _form(process: AbstractProcess) -> StateSpace:
-    process.require_complete()
-    if isinstance(process, QN):
-        q2 = process.amplitude
-        shift = jnp.array([[0.0, 0.0], [1.0, 0.0]])
-        newest = jnp.array([[1.0, 0.0], [0.0, 0.0]])
-        return StateSpace(shift, q2 * newest, jnp.array([1.0, -1.0]), q2 * jnp.eye(2), jnp.zeros(()))
     form = process.state_space()
     if form is None:
         raise ValueError(f"{process.kind} has no state-space form, by which records are whitened. Leave it out.")

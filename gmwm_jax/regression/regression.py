@@ -37,7 +37,6 @@ from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.weights import TWO_STEP
 from gmwm_jax.processes.base import AbstractProcess, Composite
-from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.processes.whitening import GeneralisedLeastSquares, covariance_times, generalised_least_squares
 from gmwm_jax.recordings.recording import Recording
@@ -231,8 +230,11 @@ def regress(
     require_x64()
     level = confidence(level)
     model = as_model(model)
-    if any(isinstance(p, DR) for p in model.processes):
-        raise ValueError("DR is a trend of unknown sign, and no noise here: put trend(time) among the regressors.")
+    for process in model.processes:
+        if process.deterministic:
+            raise ValueError(
+                f"{process.kind} is a trend of unknown sign, and no noise here: put trend(time) among the regressors."
+            )
     if isinstance(y, Recording):
         if y.num_channels != 1:
             raise ValueError(f"Regress one channel at a time, as in recording[{y.channels[0]!r}]: {y.channels}.")

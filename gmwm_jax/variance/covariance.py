@@ -181,7 +181,7 @@ def _fineness(model: Composite) -> int:
 def require_no_mean(model: Composite) -> None:
     """Raise if the coefficients of a model have a mean: a robust scale around zero is then not the root of E(W^2)."""
     for process, label in zip(model.processes, model.labels, strict=True):
-        if float(process.unit_haar_mean(jnp.ones(()))) != 0:
+        if process.deterministic:
             raise ValueError(
                 f"{label} gives wavelet coefficients a mean, and the robust wavelet variance is one of coefficients "
                 "around zero: it would be biased at every scale where the mean shows. Take the drift off the record "

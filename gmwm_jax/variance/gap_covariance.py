@@ -24,7 +24,6 @@ from jaxtyping import Float
 from numpy import fft
 
 from gmwm_jax.processes.base import Composite
-from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.simulation import simulate_each
 from gmwm_jax.variance.covariance import wv_covariance
 from gmwm_jax.variance.gaps import Pairs, find_pairs, quadratic_forms_times
@@ -67,8 +66,8 @@ def gap_covariance(model: Composite, pairs: Pairs) -> Float[np.ndarray, "J J"]:
     pairs
         Of `gmwm_jax.variance.gaps.find_pairs`.
     """
-    drifts = [p for p in model.processes if isinstance(p, DR)]
-    noises = [p for p in model.processes if not isinstance(p, DR)]
+    drifts = [p for p in model.processes if p.deterministic]
+    noises = [p for p in model.processes if not p.deterministic]
     J, num = pairs.num_levels, pairs.num_samples
     if not noises:
         return np.zeros((J, J))

@@ -16,6 +16,8 @@ class SensorState(NamedTuple):
     """Position in `CHANNELS`, or `NO_CHANNEL`."""
     label: str
     """The process, as `GM_1`."""
+    in_filter: bool = True
+    """Does a filter hold it? The truth has states that no filter has, such as those of quantisation noise."""
 
     def __str__(self) -> str:
         return self.label if self.channel == NO_CHANNEL else f"{CHANNELS[self.channel]} {self.label}"

@@ -2,9 +2,10 @@
 
 An IMU has six channels (accelerometer x, y, z, gyro x, y, z), each with a model of its own. What a process is to a
 filter follows from its state-space form: white noise goes into Q, Markov processes are states (RW, GM, AR1 one, DR and
-MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise has no state. Its integral does not
-grow: a filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how much that
-is. Noise of long memory (BI, FGN) has no state either; `gmwm_jax.processes.flicker_ladder` approximates BI by GM.
+MAT32 two, MAT52 three), a turn-on bias is a state that stays. Quantisation noise is no state of a filter: its integral
+does not grow. A filter that leaves it out misses sqrt(2 q2)/f of angle or velocity at any time, and the notes say how
+much that is. Noise of long memory (BI, FGN) has no state; `gmwm_jax.processes.flicker_ladder` approximates BI by GM.
+Each process says of itself what it is to a filter, see `gmwm_jax.processes.AbstractProcess`.
 """
 
 import json
@@ -26,9 +27,6 @@ from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form
 from nav_jax.imu.recorded import RecordedErrors
-
-_ALL_START = ("DR", "SIN", "bias")
-"""Processes without driving noise: all that is random in them is how they start."""
 
 
 class ImuErrors(eqx.Module):
@@ -127,43 +125,39 @@ class ImuErrors(eqx.Module):
         ValueError
             All are wanted, and one has no state-space form.
         """
-        forms: list[tuple[SensorState, StateSpace]] = []
+        forms: list[StateSpace] = []
+        states: list[SensorState] = []
         white = [jnp.zeros(())] * len(CHANNELS)
         for channel, model in enumerate(self.models):
             for label, process in zip(model.labels, model.processes, strict=True):
-                form = complete_form(process, CHANNELS[channel]) if complete else process.state_space()
+                form = complete_form(process, CHANNELS[channel]) if complete else process.filter_form()
                 if form is None:
                     continue
                 white[channel] = white[channel] + form.white
-                if len(form.readout):
-                    forms.append((SensorState(channel, label), form))
+                # a start from zero is one of what noise drives on, in the emulation and in the filter
+                if self.start == "zero" and process.driven and process.in_filter:
+                    form = form._replace(initial=0 * form.initial)
+                names = process.state_names(len(form.readout))
+                states += [SensorState(channel, f"{label} {name}".rstrip(), process.in_filter) for name in names]
+                forms.append(form)
             if channel in self.biased:
                 one, zero = jnp.ones((1, 1)), jnp.zeros((1, 1))
-                start = self.bias_sd[channel] ** 2 * one
-                forms.append((SensorState(channel, "bias"), StateSpace(one, zero, jnp.ones(1), start, zero[0, 0])))
-        from_zero = self.start == "zero"
-        known = [from_zero and s.label.split("_")[0] not in _ALL_START for s, _ in forms]
-        initial = [0 * f.initial if is_zero else f.initial for is_zero, (_, f) in zip(known, forms, strict=True)]
-        # the first state is the process; that of DR is followed by its slope, that of others by what drives it
-        states = tuple(
-            s if i == 0 else SensorState(s.channel, f"{s.label} slope" if s.label == "DR" else f"{s.label} driver {i}")
-            for s, f in forms
-            for i in range(len(f.readout))
-        )
+                forms.append(StateSpace(one, zero, jnp.ones(1), self.bias_sd[channel] ** 2 * one, zero[0, 0]))
+                states.append(SensorState(channel, "bias"))
         return SensorBank(
-            transition=block_diagonal([f.transition for _, f in forms]),
-            driving=block_diagonal([f.driving for _, f in forms]),
-            readout=jnp.concatenate([jnp.zeros(0), *(f.readout for _, f in forms)]),
-            initial=block_diagonal(initial),
+            transition=block_diagonal([f.transition for f in forms]),
+            driving=block_diagonal([f.driving for f in forms]),
+            readout=jnp.concatenate([jnp.zeros(0), *(f.readout for f in forms)]),
+            initial=block_diagonal([f.initial for f in forms]),
             white=jnp.stack(white),
             rate=as_float(self.rate),
-            states=states,
-            diagonal=all(len(f.readout) == 1 for _, f in forms),
+            states=tuple(states),
+            diagonal=all(len(f.readout) == 1 for f in forms),
         )
 
     def stateless(self, channel: int) -> Composite | None:
-        """The processes of a channel that have no state (quantisation noise); None if there are none."""
-        rest = [p for p in self.models[channel].processes if p.state_space() is None]
+        """The processes of a channel that are no states of a filter (quantisation noise); None if there are none."""
+        rest = [p for p in self.models[channel].processes if p.filter_form() is None]
         return Composite(rest) if rest else None
 
     def notes(self) -> tuple[str, ...]:
@@ -171,15 +165,17 @@ class ImuErrors(eqx.Module):
         notes = []
         for channel, model in zip(CHANNELS, self.models, strict=True):
             for process in model.processes:
-                if process.state_space() is not None:
+                if process.filter_form() is not None:
                     continue
-                if process.kind != "QN":
-                    notes.append(f"{process.kind} of {channel} has no state and is left out of the filter.")
-                elif (q2 := concrete(process.amplitude)) is not None:
+                note = f"{process.kind} of {channel} has no state and is left out of the filter"
+                integral = process.bounded_integral()
+                if integral is None:
+                    notes.append(f"{note}.")
+                elif (variance := concrete(integral)) is not None:
                     unit = "m/s" if channel.startswith("accel") else "rad"
                     notes.append(
-                        f"{process.kind} of {channel} has no state and is left out of the filter; its integral is "
-                        f"bounded, with a standard deviation of {np.sqrt(2 * q2) / self.rate:.3g} {unit}."
+                        f"{note}; its integral is bounded, with a standard deviation of "
+                        f"{np.sqrt(variance) / self.rate:.3g} {unit}."
                     )
         return tuple(notes)
 
@@ -312,9 +308,9 @@ def _three(name: str, value: Any) -> Float[Array, "3"]:
 def _at_rate(model: Composite, old: float, new: float) -> Composite:
     processes = []
     for p in model.processes:
-        continuous = to_continuous(p.kind, p.values, old)
+        continuous = to_continuous(type(p), p.values, old)
         if any((seen := concrete(c)) is not None and not np.isfinite(seen) for c in continuous):
             raise ValueError(f"{p!r} has no continuous-time form, and so none at another rate.")
         build: Any = type(p)
-        processes.append(build(*from_continuous(p.kind, continuous, new)))
+        processes.append(build(*from_continuous(type(p), continuous, new)))
     return Composite(processes)

@@ -118,7 +118,7 @@ def white_sd(model: NoiseModel) -> Float[Array, ""]:
 
 
 def complete_form(process: Any, what: str) -> StateSpace:
-    """The state-space form of a process, quantisation noise included: its two states are the last rounding errors.
+    """The state-space form of a process, also of one that no filter holds.
 
     Raises
     ------
@@ -128,17 +128,10 @@ def complete_form(process: Any, what: str) -> StateSpace:
     form = process.state_space()
     if form is not None:
         return form
-    if process.kind != "QN":
-        raise ValueError(
-            f"{process.kind} of {what} has no state-space form, and so no covariance that could be propagated: replace "
-            "it, a flicker noise by gmwm_jax.processes.flicker_ladder, or run a Monte Carlo."
-        )
-    # (Y_t, Y_{t-1}), of which the difference is read
-    q2 = process.amplitude
-    return StateSpace(
-        jnp.array([[0.0, 0.0], [1.0, 0.0]]), q2 * jnp.diag(jnp.array([1.0, 0.0])), jnp.array([1.0, -1.0]),
-        q2 * jnp.eye(2), jnp.zeros(()),
-    )  # fmt: skip
+    raise ValueError(
+        f"{process.kind} of {what} has no state-space form, and so no covariance that could be propagated: replace "
+        "it, a flicker noise by gmwm_jax.processes.flicker_ladder, or run a Monte Carlo."
+    )
 
 
 def block_diagonal(parts: list[Any]) -> Float[Array, "M M"]:

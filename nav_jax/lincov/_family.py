@@ -180,7 +180,7 @@ class Family(eqx.Module):
 def _first_order(processes: Sequence[Any]) -> list[Line]:
     """Those of a model that belong to the family as they are: random walks, and Markov processes with 0 < phi < 1."""
     lines = []
-    for form in (p.state_space() for p in processes):
+    for form in (p.filter_form() for p in processes):
         if form is None or len(form.readout) != 1:
             continue
         phi, q = float(form.transition[0, 0]), float(form.driving[0, 0] * form.readout[0] ** 2)
@@ -195,7 +195,7 @@ def _filled(lines: Sequence[Line], count: int, white: float, processes: Sequence
     First what is like the processes of the truth that are of higher order, then ones between its own, and weak.
     """
     lines = list(lines)
-    for form in (p.state_space() for p in processes):
+    for form in (p.filter_form() for p in processes):
         if form is not None and len(form.readout) > 1 and len(lines) < count:
             variance, time = correlation_time(form, _LONGEST)
             lines.append(Line(-np.log(time), np.log(max(variance, _TINY) * -np.expm1(-2 / time))))

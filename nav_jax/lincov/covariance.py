@@ -250,8 +250,8 @@ def covariances_of_many(
 
 
 def _is_lasting(bank: SensorBank) -> Float[np.ndarray, "1 M"]:
-    """0 for states of quantisation noise."""
-    return np.array([[float(not s.label.startswith("QN")) for s in bank.states]])
+    """0 for states that no filter holds."""
+    return np.array([[float(s.in_filter) for s in bank.states]])
 
 
 def _diagonals(banks: SensorBank) -> Float[Array, "_ L"]:

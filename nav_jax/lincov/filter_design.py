@@ -11,6 +11,7 @@ Every structure (number of processes of accelerometers and of gyros) is a mask o
 one after the other, smaller ones first: each search also starts from the best smaller filter with a weak process more.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -96,11 +97,11 @@ class Candidate:
     @property
     def name(self) -> str:
         """Such as ``2 GM accel, 1 GM gyro``, or ``1 GM + 1 RW accel, 0 GM gyro`` for a truth with random walks."""
-        sides = zip(("accel", "gyro"), (self.num_accel, self.num_gyro), (0, 3), strict=True)
         parts = []
-        for sensor, count, channel in sides:
-            walks = sum(p.kind == "RW" for p in self.errors.models[channel].processes)
-            kinds = [f"{count - walks} GM"] * (count > walks or not walks) + [f"{walks} RW"] * bool(walks)
+        for sensor, channel in (("accel", 0), ("gyro", 3)):
+            forms = ((p.kind, p.filter_form()) for p in self.errors.models[channel].processes)
+            states = Counter(kind for kind, form in forms if form is not None and len(form.readout))
+            kinds = [f"{num} {kind}" for kind, num in states.items()] or ["0 GM"]
             parts.append(f"{' + '.join(kinds)} {sensor}")
         return ", ".join(parts)
 

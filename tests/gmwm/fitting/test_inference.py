@@ -10,7 +10,6 @@ from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting import standard_errors as inference
 from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
 from gmwm_jax.fitting.tables import LogQuantities
-from gmwm_jax.processes.continuous import CONTINUOUS
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.01, variance=0.1)")
 """Correlation time of 100 samples; the two components cross at a span of about 30."""
@@ -166,6 +165,6 @@ def test_tables_compile_once():
 
 
 def test_quantities_are_functions_of_the_model():
-    quantities = CONTINUOUS["GM"].filter
+    quantities = gj.GM.continuous.filter
     logs = LogQuantities(((), quantities), 10.0)(TRUTH)
     np.testing.assert_allclose(np.exp(logs), [0.1, 2 * 0.1 * 0.1], rtol=1e-12)

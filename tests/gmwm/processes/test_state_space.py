@@ -9,7 +9,6 @@ from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.fractional import FGN
-from gmwm_jax.processes.quantisation import QN
 
 
 def second_moments(form, num):
@@ -26,7 +25,7 @@ def second_moments(form, num):
     return moments
 
 
-STATELESS = (QN, FGN, BI, FLK)
+STATELESS = (FGN, BI, FLK)
 
 
 @pytest.mark.parametrize("case", [row for row in rows() if row.values[0].cls not in STATELESS])

@@ -9,8 +9,10 @@ from helpers import assert_mean
 
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax.fitting.tables import continuous_table
-from gmwm_jax.processes.continuous import CONTINUOUS, derived_unit, from_continuous, to_continuous
+from gmwm_jax.processes.continuous import from_continuous, to_continuous
+from gmwm_jax.processes.continuous_form import derived_unit
 from gmwm_jax.processes.gauss_markov import GM
+from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
@@ -200,11 +202,11 @@ def test_derived_units(signal, suffix, expected):
     assert derived_unit(signal, suffix) == expected
 
 
-@pytest.mark.parametrize("kind", CONTINUOUS)
+@pytest.mark.parametrize("kind", PROCESSES)
 @pytest.mark.parametrize("signal", ["rad/s", "m/s^2"])
 def test_datasheet_units_measure_the_quantity(kind, signal):
     """Every unit a quantity is shown in converts from its SI unit, and there is at least one for each sensor."""
-    for quantity in CONTINUOUS[kind].datasheet:
+    for quantity in PROCESSES[kind].continuous.datasheet:
         assert quantity.gyro if signal == "rad/s" else quantity.accel, f"{kind} {quantity.symbol}: no datasheet unit"
         for name in quantity.datasheet_units(signal):
             convert(1.0, quantity.si_unit(signal), name)
@@ -215,9 +217,8 @@ def test_datasheet_units_measure_the_quantity(kind, signal):
 
 
 def test_every_process_has_a_continuous_form():
-    assert set(CONTINUOUS) == set(PROCESSES)
-    for kind, form in CONTINUOUS.items():
-        assert len(form.filter) == len(PROCESSES[kind].parameters)
+    for cls in PROCESSES.values():
+        assert len(cls.continuous.filter) == len(cls.parameters)
 
 
 def sensible(case):
@@ -228,7 +229,7 @@ def sensible(case):
 
 
 @pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("case", [row for row in rows() if row.id in CONTINUOUS])
+@pytest.mark.parametrize("case", [row for row in rows() if row.id in PROCESSES])
 def test_continuous_form_round_trip(case, rate):
     for values in sensible(case):
         quantities = to_continuous(case.cls.kind, tuple(map(jnp.asarray, values)), rate)
@@ -327,7 +328,7 @@ def test_quantisation_of_an_integrated_signal(rate):
     """An angle read in steps of LSB, differenced to a rate, carries QN with Q = LSB/sqrt(12) (IEEE 952, C.1.1)."""
     lsb = 0.02
     q2 = jnp.asarray((lsb * rate) ** 2 / 12)
-    Q, LSB = (float(quantity.value(q2, rate)) for quantity in CONTINUOUS["QN"].datasheet)
+    Q, LSB = (float(quantity.value(q2, rate)) for quantity in QN.continuous.datasheet)
     assert pytest.approx(lsb, rel=1e-14, abs=0) == LSB
     assert pytest.approx(lsb / np.sqrt(12), rel=1e-14, abs=0) == Q
     assert float(to_continuous("QN", (q2,), rate)[0]) == Q
@@ -345,7 +346,7 @@ def test_datasheet_densities_are_roots(kind):
     parameters = {"WN": (0.3,), "RW": (0.3,), "GM": (0.01, 0.3)}[kind]
     parameters = tuple(map(jnp.asarray, parameters))
     q = to_continuous(kind, parameters, 100.0)[-1]
-    shown = {s.symbol: s.value(*parameters, 100.0) for s in CONTINUOUS[kind].datasheet}
+    shown = {s.symbol: s.value(*parameters, 100.0) for s in PROCESSES[kind].continuous.datasheet}
     assert float(shown[{"WN": "N", "RW": "K", "GM": "sqrt(q)"}[kind]]) == pytest.approx(
         float(jnp.sqrt(q)), rel=1e-14, abs=0
     )
@@ -387,7 +388,7 @@ def test_continuous_forms_are_differentiable(kind):
 def test_a_gauss_markov_process_is_white_noise_of_density_n_0_at_long_spans(beta):
     """tau nu^2(tau) / f tends to the PSD at 0, from the autocovariance: variance (1 + 2 sum phi^h) / f."""
     rate, variance = 50.0, 3e-4
-    (n_0,) = (q for q in CONTINUOUS["GM"].datasheet if q.symbol == "N_0")
+    (n_0,) = (q for q in GM.continuous.datasheet if q.symbol == "N_0")
     phi = np.exp(-beta)
     total = variance * (1 + 2 * phi / (1 - phi))
     assert float(n_0.value(beta, variance, rate)) ** 2 == pytest.approx(total / rate, rel=1e-12, abs=0)
@@ -396,10 +397,10 @@ def test_a_gauss_markov_process_is_white_noise_of_density_n_0_at_long_spans(beta
     assert tau * nu == pytest.approx(total, rel=1e-4, abs=0)
 
 
-@pytest.mark.parametrize("kind", list(CONTINUOUS))
+@pytest.mark.parametrize("kind", list(PROCESSES))
 def test_quantities_read_the_parameters_they_say(kind):
     """`reads` against autodiff: it decides which quantities a held parameter holds."""
-    form = CONTINUOUS[kind]
+    form = PROCESSES[kind].continuous
     parameters = tuple(jnp.asarray(v) for v in (0.2, 0.3)[-len(form.filter) :])
     for q in (*form.filter, *form.datasheet):
         slopes = jax.grad(lambda p, q=q: q.value(*p, 10.0))(parameters)

@@ -6,7 +6,6 @@ import pytest
 
 import gmwm_jax as gj
 import nav_jax as nj
-from gmwm_jax import units
 from gmwm_jax.processes import to_continuous
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
@@ -112,7 +111,7 @@ def test_another_rate_keeps_the_physics(rate):
     for a, b in zip(errors.models, other.models, strict=True):
         for p, q in zip(a.processes, b.processes, strict=True):
             np.testing.assert_allclose(
-                to_continuous(p.kind, p.values, 100.0), units.to_continuous(q.kind, q.values, rate), rtol=1e-9
+                to_continuous(p.kind, p.values, 100.0), to_continuous(q.kind, q.values, rate), rtol=1e-9
             )
     np.testing.assert_array_equal(other.bias_sd, errors.bias_sd)
     back = other.at_rate(100.0)
