@@ -12,6 +12,9 @@ entries only through `Fit.continuous`, `Fit.datasheet` and `gmwm_jax.units`, wit
 The package never changes JAX's configuration: turn 64-bit floats on first,
 ``jax.config.update("jax_enable_x64", True)``.
 
+Examples in docstrings suppose ``import gmwm_jax as gj``, ``import nav_jax as nj``, ``import numpy as np``,
+``import jax`` and ``import jax.numpy as jnp``.
+
 References
 ----------
 Guerrier, S., Skaloud, J., Stebler, Y. & Victoria-Feser, M.-P. (2013). Wavelet-variance-based estimation for composite

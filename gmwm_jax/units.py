@@ -29,7 +29,7 @@ _G = STANDARD_GRAVITY
 
 
 class Unit(NamedTuple):
-    """What a unit measures: the SI unit of its quantity, and its size in it."""
+    """A unit: the SI unit of what it measures, and its size in it."""
 
     si: str
     factor: float
@@ -113,6 +113,11 @@ def unit(name: str) -> Unit:
     ------
     ValueError
         Unknown unit; the message lists those that look like it.
+
+    Examples
+    --------
+    >>> gj.units.unit("deg/sqrt(h)").si
+    'rad/s/sqrt(Hz)'
     """
     plain = name.replace(" ", "")
     if plain in UNITS:
@@ -146,6 +151,13 @@ def convert(value: Any, source: str, target: str) -> Any:
     ------
     ValueError
         Unknown unit, or two units that measure different things.
+
+    Examples
+    --------
+    >>> gj.units.convert(180.0, "deg/s", "rad/s")
+    3.14159...
+    >>> f'{gj.units.convert(0.15, "deg/sqrt(h)", "rad/s/sqrt(Hz)"):.4e}'
+    '4.3633e-05'
     """
     a, b = unit(source), unit(target)
     if a.si != b.si:
@@ -154,7 +166,7 @@ def convert(value: Any, source: str, target: str) -> Any:
 
 
 class SignalUnit(NamedTuple):
-    """How samples in a unit become the SI signal: multiply by `factor`, and by the rate if they are increments."""
+    """How samples in a unit become the SI signal: times `factor`, and times the rate if they are increments."""
 
     si: str
     factor: float
@@ -172,6 +184,13 @@ def signal_unit(name: str) -> SignalUnit:
     ------
     ValueError
         Unknown unit, or one that no sensor signal has.
+
+    Examples
+    --------
+    >>> gj.units.signal_unit("mg").si
+    'm/s^2'
+    >>> gj.units.signal_unit("deg").increments  # angles are increments of a gyro
+    True
     """
     u = unit(name)
     match u.si:
@@ -186,7 +205,15 @@ def signal_unit(name: str) -> SignalUnit:
 
 
 def require_si(unit: str) -> None:
-    """Raise unless this is the unit of a signal inside the package."""
+    """Raise unless this is the unit of a signal inside the package.
+
+    Examples
+    --------
+    >>> gj.units.require_si("rad/s")
+    >>> gj.units.require_si("deg/s")
+    Traceback (most recent call last):
+    ValueError: unit is one of rad/s, m/s^2, 1, and is 'deg/s': ...
+    """
     if unit not in SI_SIGNALS:
         raise ValueError(
             f"unit is one of {', '.join(SI_SIGNALS)}, and is {unit!r}: Recording.from_array converts samples in others."

@@ -14,6 +14,9 @@ components come first and runs last. IMU sample k lasts from t_k to t_{k+1}: N s
 are those of `gmwm_jax`, with parameters per sample at a stated rate. Everything is SI in 64-bit floats; the package
 never changes JAX's configuration: turn them on first, ``jax.config.update("jax_enable_x64", True)``.
 
+Examples in docstrings suppose ``import gmwm_jax as gj``, ``import nav_jax as nj``, ``import numpy as np``,
+``import jax`` and ``import jax.numpy as jnp``.
+
 References
 ----------
 Cucci, D. A., Voirol, L., Khaghani, M. & Guerrier, S. (2023). On performance evaluation of inertial navigation systems:

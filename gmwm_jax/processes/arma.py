@@ -294,18 +294,32 @@ def _roots(phi: Float[np.ndarray, "... p"]) -> Any:
 
 
 def AR(p: int) -> type[AbstractProcess]:
-    """The class of autoregressions of order p: ``AR(2)(0.5, 0.2, 1.0)``, see `ARMA`."""
+    """Return the class of autoregressions of order p; ``AR(2)(0.5, 0.2, 1.0)`` is one of them, see `ARMA`.
+
+    Examples
+    --------
+    >>> gj.AR(2)(phi1=0.5, phi2=0.2, sigma2=1.0)
+    AR(2)(phi1=0.5, phi2=0.2, sigma2=1)
+    >>> gj.parse_model("WN + AR(2)")
+    WN + AR(2)
+    """
     return ARMA(p, 0)
 
 
 def MA(q: int) -> type[AbstractProcess]:
-    """The class of moving averages of order q: ``MA(1)(0.4, 1.0)``, see `ARMA`."""
+    """Return the class of moving averages of order q; ``MA(1)(0.4, 1.0)`` is one of them, see `ARMA`.
+
+    Examples
+    --------
+    >>> gj.MA(1)(theta1=0.5, sigma2=1.0).autocovariance(np.array([0, 1, 2])).tolist()
+    [1.25, 0.5, 0.0]
+    """
     return ARMA(0, q)
 
 
 @lru_cache
 def ARMA(p: int, q: int) -> type[AbstractProcess]:
-    """The class of ARMA(p, q) processes, in model texts ``ARMA(2,1)``.
+    """Return the class of ARMA(p, q) processes, which model texts call ``ARMA(2,1)``.
 
     Parameters
     ----------
@@ -326,6 +340,11 @@ def ARMA(p: int, q: int) -> type[AbstractProcess]:
     -----
     x_t = sum phi_i x_{t-i} + e_t + sum theta_i e_{t-i}, stationary and invertible. Wavelet variances keep 12 digits;
     near a unit root of multiplicity r, at 1 - delta, what the coefficients do, 1e-16/delta^r of that share.
+
+    Examples
+    --------
+    >>> gj.ARMA(2, 1)(0.5, 0.2, 0.4, sigma2=1.0)
+    ARMA(2,1)(phi1=0.5, phi2=0.2, theta1=0.4, sigma2=1)
     """
     p, q = integer("p", p, 0), integer("q", q, 0)
     if not 0 < max(p, q) <= MAX_ORDER:

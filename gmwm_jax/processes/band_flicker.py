@@ -75,6 +75,11 @@ class FLK(AbstractProcess):
     Towards high f0 it is `BI`, towards low f0 a drift. Its Allan deviation rises as time up to 1/(pi f0) and is flat
     beyond, 0.664 B. Not stationary; a simulation starts from zero. It has no finite state: `flicker_ladder` up to f0
     is a sum of GM that approximates it.
+
+    Examples
+    --------
+    >>> gj.FLK(f0=0.01, B=1.0)
+    FLK(f0=0.01, B=1)
     """
 
     f0: Scalar | None

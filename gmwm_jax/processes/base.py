@@ -28,7 +28,7 @@ from gmwm_jax.processes.state_space import StateSpace
 
 
 class AbstractProcess(eqx.Module):
-    """A latent process, its parameters per sample. A parameter that is None is to be estimated.
+    """A latent process with its parameters per sample. A parameter that is None is to be estimated.
 
     Values given are starting values of an estimation, or held if they are wrapped in `Fixed` (or by `fix`).
     """
@@ -118,7 +118,7 @@ class AbstractProcess(eqx.Module):
     @classmethod
     @abc.abstractmethod
     def unit_wavelet_variance(cls, shape: tuple[Any, ...], tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
-        """Haar MODWT wavelet variance at spans tau (even numbers of samples)."""
+        """Return the Haar MODWT wavelet variance at spans tau (even numbers of samples) for unit amplitude."""
 
     @classmethod
     @abc.abstractmethod
@@ -161,7 +161,7 @@ class AbstractProcess(eqx.Module):
 
     @abc.abstractmethod
     def state_space(self) -> StateSpace | None:
-        """The process as samples of a Markov chain plus white noise; None where it has no such form.
+        """Return the process as samples of a Markov chain plus white noise; None where it has no such form.
 
         The form has the first two moments of the process, and is the process where that is Gaussian.
         """
@@ -181,12 +181,12 @@ class AbstractProcess(eqx.Module):
 
     @staticmethod
     def amplitude_of(value: Any) -> Any:
-        """The amplitude of the covariance from the last parameter."""
+        """Return the amplitude of the covariance that belongs to a value of the last parameter."""
         return value
 
     @staticmethod
     def value_of(amplitude: Any) -> Any:
-        """Inverse of `amplitude_of`."""
+        """Return the last parameter that belongs to an amplitude: the inverse of `amplitude_of`."""
         return amplitude
 
     # -- the coordinates that estimation searches over: only for processes with a shape parameter ------------------
@@ -214,7 +214,7 @@ class AbstractProcess(eqx.Module):
 
     @classmethod
     def limit_of(cls, shape: tuple[Any, ...], tau_max: float) -> str:
-        """What a process of this shape cannot be told from on spans up to tau_max; "" if it is itself."""
+        """Name the process that this shape cannot be told from on spans up to tau_max; "" if it is itself."""
         return ""
 
     @classmethod
@@ -234,7 +234,7 @@ class AbstractProcess(eqx.Module):
     # -- theory with the amplitude ----------------------------------------------------------------------------------
 
     def wavelet_variance(self, tau: Any) -> Float[Array, "*J"]:
-        """Haar MODWT wavelet variance.
+        """Return the Haar MODWT wavelet variance.
 
         Parameters
         ----------
@@ -249,12 +249,12 @@ class AbstractProcess(eqx.Module):
         return scaled(self.unit_wavelet_variance, self.amplitude, self.shape, spans(tau))
 
     def psd(self, frequency: Any) -> Float[Array, "*F"]:
-        """Two-sided power spectral density: u^2 per (cycle per sample), frequency in (0, 1/2]."""
+        """Return the two-sided power spectral density: u^2 per (cycle per sample), frequency in (0, 1/2]."""
         self.require_complete()
         return scaled(self.unit_psd, self.amplitude, self.shape, as_float(frequency))
 
     def autocovariance(self, lag: Any) -> Float[Array, "*L"]:
-        """Autocovariance at integer lags in samples, in squared signal units.
+        """Return the autocovariance at integer lags in samples, in squared signal units.
 
         Raises
         ------
@@ -265,7 +265,7 @@ class AbstractProcess(eqx.Module):
         return scaled(self.unit_autocovariance, self.amplitude, self.shape, jnp.abs(as_float(lag)))
 
     def unconstrained(self) -> Float[Array, " P"]:
-        """Parameters mapped to the real line, in order: logs, or logits where the interval is bounded."""
+        """Map the parameters to the real line, in order: by logs, or logits where the interval is bounded."""
         self.require_complete()
         return jnp.stack(self.to_lines(self.values))
 
@@ -314,6 +314,14 @@ class Composite(eqx.Module):
     ----------
     processes
         At most one of each kind whose members could not be told apart (WN, QN, RW, DR), any number of the others.
+
+    Examples
+    --------
+    >>> model = gj.WN(sigma2=1.0) + gj.RW(gamma2=0.03)
+    >>> model.labels
+    ('WN', 'RW')
+    >>> model.wavelet_variance(np.array([2.0, 4.0])).tolist()
+    [0.5075, 0.26125]
     """
 
     processes: tuple[AbstractProcess, ...]
@@ -349,7 +357,7 @@ class Composite(eqx.Module):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """One name a component: ``WN``; ``GM_1``, ``GM_2`` where there are several of a kind."""
+        """One name for each component: ``WN``; ``GM_1``, ``GM_2`` where there are several of a kind."""
         counts, seen, labels = Counter(p.kind for p in self.processes), Counter(), []
         for p in self.processes:
             seen[p.kind] += 1
@@ -367,19 +375,19 @@ class Composite(eqx.Module):
         return sum(len(p.parameters) - len(p.fixed) for p in self.processes)
 
     def wavelet_variance(self, tau: Any) -> Float[Array, "*J"]:
-        """Haar MODWT wavelet variance at spans tau (samples): the sum over the components."""
+        """Return the Haar MODWT wavelet variance at spans tau (samples): the sum over the components."""
         return sum_arrays(p.wavelet_variance(tau) for p in self.processes)
 
     def psd(self, frequency: Any) -> Float[Array, "*F"]:
-        """Two-sided PSD at frequencies in cycles per sample, 0 < frequency <= 1/2."""
+        """Return the two-sided PSD at frequencies in cycles per sample, 0 < frequency <= 1/2."""
         return sum_arrays(p.psd(frequency) for p in self.processes)
 
     def autocovariance(self, lag: Any) -> Float[Array, "*L"]:
-        """Autocovariance at integer lags; ValueError if a component is not stationary."""
+        """Return the autocovariance at integer lags; ValueError if a component is not stationary."""
         return sum_arrays(p.autocovariance(lag) for p in self.processes)
 
     def unconstrained(self) -> Float[Array, " P"]:
-        """All parameters on the real line, in the order of the components."""
+        """Return all parameters on the real line, in the order of the components."""
         return jnp.concatenate([p.unconstrained() for p in self.processes])
 
     def parameter_lines(self) -> Float[Array, " P"]:

@@ -9,7 +9,7 @@ from gmwm_jax.processes.registry import process_class
 
 
 def to_continuous(kind: str | type[AbstractProcess], parameters: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
-    """Per-sample parameters of a process to its continuous-time filter quantities, in SI.
+    """Convert the parameters per sample of a process to its continuous-time filter quantities in SI.
 
     Parameters
     ----------
@@ -32,6 +32,12 @@ def to_continuous(kind: str | type[AbstractProcess], parameters: tuple[Any, ...]
         Unknown process, one without such a form (ARMA), another number of parameters, a rate that is not positive.
     RuntimeError
         x64 is off.
+
+    Examples
+    --------
+    >>> beta, q = gj.processes.to_continuous("GM", (0.01, 2.0), rate=100.0)
+    >>> float(beta), float(q)
+    (1.0, 4.0)
     """
     form, values = _form(kind, parameters)
     f = sampling_rate(rate)
@@ -39,7 +45,13 @@ def to_continuous(kind: str | type[AbstractProcess], parameters: tuple[Any, ...]
 
 
 def from_continuous(kind: str | type[AbstractProcess], quantities: tuple[Any, ...], rate: float) -> tuple[Any, ...]:
-    """Inverse of `to_continuous`: continuous-time filter quantities in SI to per-sample parameters."""
+    """Convert continuous-time quantities in SI to parameters per sample: the inverse of `to_continuous`.
+
+    Examples
+    --------
+    >>> gj.processes.from_continuous("WN", (1e-4,), rate=100.0)[0].item()  # q in u^2/Hz to a variance per sample
+    0.01
+    """
     form, values = _form(kind, quantities)
     assert form.inverse is not None  # `_form` has seen to it
     return form.inverse(*values, sampling_rate(rate))

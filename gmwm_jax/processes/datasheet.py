@@ -59,6 +59,12 @@ def from_datasheet(
     ValueError
         No entry, an unknown one or its unit, a value that is not positive, a unit that is missing or does not fit,
         entries of a gyro and an accelerometer together, f0 without B.
+
+    Examples
+    --------
+    >>> model, unit = gj.from_datasheet({"N": "0.6 deg/sqrt(h)", "K": "2 deg/h/sqrt(h)"}, rate=100.0)
+    >>> model.labels, unit
+    (('WN', 'RW'), 'rad/s')
     """
     f = sampling_rate(rate)
     processes: list[AbstractProcess] = []

@@ -15,7 +15,7 @@ from gmwm_jax.processes.state_space import StateSpace
 
 
 class DR(AbstractProcess):
-    """Drift, x_t = omega t: deterministic.
+    """A drift, x_t = omega t, which has no randomness but its unknown sign.
 
     Parameters
     ----------
@@ -25,6 +25,11 @@ class DR(AbstractProcess):
     Notes
     -----
     Wavelet variance omega^2 tau^2/16. In continuous time the slope is omega f.
+
+    Examples
+    --------
+    >>> gj.DR(omega=1.0).wavelet_variance(np.array([2.0, 4.0])).tolist()
+    [0.25, 1.0]
     """
 
     omega: Scalar | None

@@ -40,6 +40,12 @@ class BI(AbstractProcess):
     -----
     Wavelet variance B^2 log(2)/pi at all scales. Not stationary (its variance grows with the logarithm of time); a
     simulation starts from zero. It has no finite state: `flicker_ladder` is a sum of GM that approximates it.
+
+    Examples
+    --------
+    >>> nu2 = gj.BI(B=1.0).wavelet_variance(np.array([1024.0]))
+    >>> round(float(np.sqrt(2 * nu2[0])), 3)  # the flat of its Allan deviation
+    0.664
     """
 
     B: Scalar | None
@@ -119,6 +125,14 @@ def flicker_ladder(B: Any, low: float, high: float, num: int) -> Composite:
     ------
     ValueError
         A band outside that range, fewer than 2 processes, a negative B.
+
+    Examples
+    --------
+    >>> ladder = gj.processes.flicker_ladder(B=1.0, low=1e-4, high=1e-2, num=3)
+    >>> ladder.labels
+    ('GM_1', 'GM_2', 'GM_3')
+    >>> bool(abs(ladder.psd(1e-3) / gj.BI(B=1.0).psd(1e-3) - 1) < 0.08)
+    True
     """
     num = integer("num", num, 2)
     positive("B", B, zero_ok=True)

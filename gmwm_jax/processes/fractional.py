@@ -50,6 +50,11 @@ class FGN(AbstractProcess):
     Notes
     -----
     Wavelet variance sigma2 n^(2H-2) (1 - 2^(2H-2)), n = tau/2 (Mandelbrot & Van Ness 1968). R's FGN(sigma2, H).
+
+    Examples
+    --------
+    >>> gj.FGN(H=0.5, sigma2=1.0).autocovariance(np.array([0, 1])).round(9).tolist()  # white noise, at H = 1/2
+    [1.0, 0.0]
     """
 
     H: Scalar | None

@@ -116,7 +116,7 @@ def _of_ar1(quantity: Quantity) -> Quantity:
 
 
 class GM(AbstractProcess):
-    """First-order Gauss-Markov process by inverse correlation time and variance: a bias that wanders and returns.
+    """A first-order Gauss-Markov process by inverse correlation time and variance: a bias that wanders and returns.
 
     Parameters
     ----------
@@ -124,6 +124,13 @@ class GM(AbstractProcess):
         Inverse correlation time, 1/samples: autocovariance variance * exp(-beta |h|).
     variance
         Variance of the process itself, u^2 (not the PSD of its driving noise, which is q = 2 beta f variance).
+
+    Examples
+    --------
+    >>> np.asarray(gj.GM(beta=0.01, variance=2.0).autocovariance(np.array([0, 100]))).round(6).tolist()
+    [2.0, 0.735759]
+    >>> gj.GM(beta=gj.Fixed(0.01))  # to be estimated, with its correlation time held
+    GM(beta=0.01 fixed)
     """
 
     beta: Scalar | None
@@ -197,7 +204,7 @@ class GM(AbstractProcess):
 
 
 class AR1(AbstractProcess):
-    """First-order autoregression, x_t = phi x_{t-1} + sigma e_t.
+    """A first-order autoregression, x_t = phi x_{t-1} + sigma e_t.
 
     Parameters
     ----------
@@ -205,6 +212,11 @@ class AR1(AbstractProcess):
         Coefficient in (-1, 1). For phi > 0 the process is GM(beta = -log(phi), sigma2/(1 - phi^2)).
     sigma2
         Variance of the innovations, u^2.
+
+    Examples
+    --------
+    >>> gj.AR1(phi=0.5, sigma2=3.0).autocovariance(np.array([0, 1])).tolist()
+    [4.0, 2.0]
     """
 
     phi: Scalar | None

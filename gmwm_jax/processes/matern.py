@@ -317,7 +317,7 @@ def _white_52(beta: Any) -> Any:
 
 
 class MAT32(_Matern):
-    """Second-order Gauss-Markov process (critically damped), or Matern process of smoothness 3/2.
+    """A second-order, critically damped Gauss-Markov process, also known as the Matern process of smoothness 3/2.
 
     Autocovariance variance (1 + beta |h|) exp(-beta |h|): a bias that wanders without kinks, unlike GM.
 
@@ -332,6 +332,11 @@ class MAT32(_Matern):
     -----
     In continuous time x'' + 2 beta x' + beta^2 x = w with the PSD q = 4 beta^3 variance of w (Gelb 1974). R's MAT with
     alpha = 2, lambda = beta.
+
+    Examples
+    --------
+    >>> np.asarray(gj.MAT32(beta=0.5, variance=1.0).autocovariance(np.array([0, 2]))).round(6).tolist()
+    [1.0, 0.735759]
     """
 
     kind: ClassVar[str] = "MAT32"
@@ -340,7 +345,7 @@ class MAT32(_Matern):
 
 
 class MAT52(_Matern):
-    """Third-order Gauss-Markov process, or Matern process of smoothness 5/2.
+    """A third-order Gauss-Markov process, also known as the Matern process of smoothness 5/2.
 
     Autocovariance variance (1 + beta |h| + (beta h)^2/3) exp(-beta |h|).
 
@@ -355,6 +360,11 @@ class MAT52(_Matern):
     -----
     In continuous time (d/dt + beta)^3 x = w with the PSD q = 16/3 beta^5 variance of w (Gelb 1974). R's MAT with
     alpha = 3, lambda = beta.
+
+    Examples
+    --------
+    >>> np.asarray(gj.MAT52(beta=0.5, variance=1.0).autocovariance(np.array([0, 2]))).round(6).tolist()
+    [1.0, 0.858385]
     """
 
     kind: ClassVar[str] = "MAT52"

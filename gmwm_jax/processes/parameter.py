@@ -46,6 +46,12 @@ class Parameter(NamedTuple):
 
 
 class Fixed(eqx.Module):
-    """A parameter value that estimation holds: ``GM(beta=Fixed(0.01))``."""
+    """A value of a parameter that estimation holds, as in ``GM(beta=Fixed(0.01))``.
+
+    Examples
+    --------
+    >>> gj.WN(sigma2=gj.Fixed(1.0)) + gj.RW()
+    WN(sigma2=1 fixed) + RW
+    """
 
     value: Scalar = eqx.field(converter=as_float)

@@ -30,6 +30,11 @@ class QN(AbstractProcess):
     -----
     Wavelet variance 6 q2/tau^2. In continuous time the IEEE 952 coefficient is Q = sqrt(q2)/f, and one step of
     the output (LSB) is sqrt(12) Q.
+
+    Examples
+    --------
+    >>> gj.QN(q2=1.0).wavelet_variance(np.array([2.0, 4.0])).tolist()
+    [1.5, 0.375]
     """
 
     q2: Scalar | None

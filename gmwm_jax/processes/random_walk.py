@@ -18,7 +18,7 @@ from gmwm_jax.processes.state_space import StateSpace, scalar_state
 
 
 class RW(AbstractProcess):
-    """Random walk, x_t = x_{t-1} + gamma e_t from x_0 = 0: rate random walk of a gyro.
+    """A random walk, x_t = x_{t-1} + gamma e_t from x_0 = 0: the rate random walk of a gyro.
 
     Parameters
     ----------
@@ -28,6 +28,11 @@ class RW(AbstractProcess):
     Notes
     -----
     Wavelet variance gamma2 (tau^2 + 2)/(12 tau) (Guerrier et al. 2013). In continuous time q = gamma2 f, K = sqrt(q).
+
+    Examples
+    --------
+    >>> gj.RW(gamma2=12.0).wavelet_variance(np.array([2.0, 4.0])).tolist()
+    [3.0, 4.5]
     """
 
     gamma2: Scalar | None

@@ -58,7 +58,7 @@ def parse_model(text: str) -> Composite:
 
     Examples
     --------
-    >>> parse_model("WN + 2*GM")
+    >>> gj.parse_model("WN + 2*GM")
     WN + GM + GM
     """
     processes: list[AbstractProcess] = []

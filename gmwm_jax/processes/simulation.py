@@ -44,6 +44,12 @@ def simulate(
         A parameter without value, or a number of samples that is no positive integer.
     TypeError
         The key is an integer or of the old kind.
+
+    Examples
+    --------
+    >>> x = gj.simulate("WN(sigma2=1.0) + RW(gamma2=1e-4)", 2000, key=jax.random.key(0))
+    >>> x.shape
+    (2000,)
     """
     require_x64()
     typed_key(key)

@@ -21,7 +21,7 @@ _DRIFT_BETA_TAU = 0.4
 
 
 class SIN(AbstractProcess):
-    """Sinusoid, x_t = sqrt(alpha2) sin(beta t + U) with U uniform on (0, 2 pi), constant in a record.
+    """A sinusoid, x_t = sqrt(alpha2) sin(beta t + U), whose phase U is uniform on (0, 2 pi).
 
     Parameters
     ----------
@@ -35,6 +35,11 @@ class SIN(AbstractProcess):
     Wavelet variance alpha2 sin(beta n/2)^4 / (2 n^2 sin(beta/2)^2), n = tau/2. Stationary, but neither Gaussian nor
     ergodic: a record has one phase, and its wavelet variance hardly scatters. There is no covariance of the wavelet
     variance, and a model that has one gets no intervals from theory.
+
+    Examples
+    --------
+    >>> gj.SIN(beta=np.pi / 2, alpha2=2.0).autocovariance(np.array([0, 2])).round(9).tolist()
+    [1.0, -1.0]
     """
 
     beta: Scalar | None

@@ -10,6 +10,12 @@ class StateSpace(NamedTuple):
 
     w_k ~ N(0, Q) and v_k ~ N(0, r) are white and independent of each other and of x_0 ~ N(0, P_0), which is the
     stationary distribution where there is one, and else the law of the first sample.
+
+    Examples
+    --------
+    >>> form = gj.GM(beta=np.log(2.0), variance=1.0).state_space()
+    >>> form.transition.round(9).tolist(), form.driving.round(9).tolist()
+    ([[0.5]], [[0.75]])
     """
 
     transition: Any

@@ -16,7 +16,7 @@ from gmwm_jax.processes.state_space import StateSpace, no_state
 
 
 class WN(AbstractProcess):
-    """White noise, x_t = sigma e_t with e standard normal: angle or velocity random walk of a sensor.
+    """White noise, x_t = sigma e_t with e standard normal: the angle or velocity random walk of a sensor.
 
     Parameters
     ----------
@@ -26,6 +26,11 @@ class WN(AbstractProcess):
     Notes
     -----
     Wavelet variance sigma2/tau (Percival 1995). In continuous time q = sigma2/f, N = sqrt(q) in u/sqrt(Hz).
+
+    Examples
+    --------
+    >>> gj.WN(sigma2=4.0).wavelet_variance(np.array([2.0, 4.0])).tolist()
+    [2.0, 1.0]
     """
 
     sigma2: Scalar | None

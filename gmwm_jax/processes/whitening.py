@@ -28,7 +28,7 @@ from gmwm_jax.processes.state_space import StateSpace
 
 
 class Whitened(NamedTuple):
-    """Columns whose noise has become white with variance 1."""
+    """The columns after whitening: their noise is white with variance 1."""
 
     columns: Float[Array, "N C"]
     """L^-1 v; zero where a sample is missing."""
@@ -37,7 +37,7 @@ class Whitened(NamedTuple):
 
 
 class GeneralisedLeastSquares(NamedTuple):
-    """Coefficients of y = X b + e, e with the covariance Sigma."""
+    """The coefficients b of y = X b + e, where the errors e have the covariance Sigma."""
 
     estimates: Float[Array, " p"]
     """b = C X' Sigma^-1 y."""
@@ -73,7 +73,7 @@ def state_space(model: str | AbstractProcess | Composite) -> StateSpace:
 
 
 def whiten(model: str | AbstractProcess | Composite, columns: Any, present: Any = None) -> Whitened:
-    """Whiten columns by the covariance of a model: pure, differentiable, O(N).
+    """Whiten columns by the covariance of a model, as a pure and differentiable function in O(N).
 
     Parameters
     ----------
@@ -93,6 +93,12 @@ def whiten(model: str | AbstractProcess | Composite, columns: Any, present: Any 
     ------
     ValueError
         A parameter without value, a process without a state-space form, shapes that do not fit.
+
+    Examples
+    --------
+    >>> x = np.array([[2.0], [4.0]])
+    >>> gj.processes.whiten("WN(sigma2=4.0)", x).columns.tolist()
+    [[1.0], [2.0]]
     """
     return _whiten(as_model(model), *_columns(columns, present))
 
@@ -100,7 +106,7 @@ def whiten(model: str | AbstractProcess | Composite, columns: Any, present: Any 
 def generalised_least_squares(
     model: str | AbstractProcess | Composite, y: Any, X: Any, present: Any = None
 ) -> GeneralisedLeastSquares:
-    """Regression with errors of a known model: pure, differentiable, O(N).
+    """Regress columns with errors of a known model, as a pure and differentiable function in O(N).
 
     Parameters
     ----------
@@ -117,13 +123,20 @@ def generalised_least_squares(
     ------
     ValueError
         As `whiten`.
+
+    Examples
+    --------
+    >>> X = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]])
+    >>> fit = gj.processes.generalised_least_squares("WN(sigma2=1.0)", np.array([1.0, 3.0, 5.0]), X)
+    >>> fit.estimates.round(9).tolist()
+    [1.0, 2.0]
     """
     columns = jnp.concatenate([as_float(y)[:, None], as_float(X)], axis=1)
     return _least_squares(as_model(model), *_columns(columns, present))
 
 
 def covariance_times(model: str | AbstractProcess | Composite, columns: Any) -> Float[Array, "N C"]:
-    """Sigma v for each column v, in O(N); samples without weight have v = 0.
+    """Multiply the covariance of a model with each column v in O(N); v is 0 at samples without weight.
 
     Parameters
     ----------
@@ -136,6 +149,11 @@ def covariance_times(model: str | AbstractProcess | Composite, columns: Any) -> 
     ------
     ValueError
         A parameter without value, or a process that has no state-space form.
+
+    Examples
+    --------
+    >>> gj.processes.covariance_times("WN(sigma2=2.0)", np.array([[1.0], [3.0]])).tolist()
+    [[2.0], [6.0]]
     """
     return _covariance_times(as_model(model), _columns(columns, None)[0])
 

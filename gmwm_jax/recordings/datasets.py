@@ -32,7 +32,13 @@ FOLDER_VARIABLE = "GMWM_JAX_DATA"
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all data sets."""
+    """Return the names of all data sets.
+
+    Examples
+    --------
+    >>> "mti-g" in gj.datasets.sensors(), len(gj.datasets.names()) > 0
+    (True, True)
+    """
     return tuple(known.name for known in KNOWN_FILES)
 
 
@@ -43,6 +49,11 @@ def info(name: str) -> KnownFile:
     ------
     ValueError
         No data set has this name.
+
+    Examples
+    --------
+    >>> gj.datasets.info(gj.datasets.names()[0]).rate
+    100.0
     """
     for known in KNOWN_FILES:
         if known.name == name:
@@ -57,6 +68,13 @@ def load(name: str) -> Recording:
     ------
     ImportError, OSError, ValueError
         See `fetch` and `gmwm_jax.recordings.files.read_recording`.
+
+    Examples
+    --------
+    >>> gj.datasets.load("adis_16405_imu1")  # doctest: +SKIP
+    >>> gj.datasets.load("nothing")
+    Traceback (most recent call last):
+    ValueError: There is no data set 'nothing'; there are: ...
     """
     return read_recording(fetch(name), name=name)
 
@@ -72,6 +90,13 @@ def fetch(name: str) -> Path:
         The download failed; the message says where to put the file by hand.
     ValueError
         No data set has this name, or the file is not the one that is documented.
+
+    Examples
+    --------
+    >>> path = gj.datasets.fetch("adis_16405_imu1")  # doctest: +SKIP
+    >>> gj.datasets.fetch("nothing")
+    Traceback (most recent call last):
+    ValueError: There is no data set 'nothing'; there are: ...
     """
     known = info(name)
     return _placed(known) or _downloaded(known)
@@ -107,7 +132,13 @@ def _downloaded(known: KnownFile) -> Path:
 
 
 def sensors() -> tuple[str, ...]:
-    """Return the names of the sensors that `simulated` can draw."""
+    """Return the names of the sensors that `simulated` can draw.
+
+    Examples
+    --------
+    >>> gj.datasets.sensors()
+    ('mti-g', ...)
+    """
     return tuple(SENSORS)
 
 
@@ -118,17 +149,34 @@ def sensor_models(sensor: str) -> dict[str, Composite]:
     ------
     ValueError
         No sensor has this name.
+
+    Examples
+    --------
+    >>> gj.datasets.sensor_models("mti-g")["gyro_x"].labels
+    ('RW', 'GM_1', 'GM_2')
     """
     return {channel: parse_model(text) for channel, text in _sensor(sensor).models.items()}
 
 
 def sensor_rate(sensor: str) -> float:
-    """Return the sampling rate of a sensor in Hz, to which its models belong."""
+    """Return the sampling rate of a sensor in Hz, to which its models belong.
+
+    Examples
+    --------
+    >>> gj.datasets.sensor_rate("mti-g")
+    100.0
+    """
     return _sensor(sensor).rate
 
 
 def sensor_datasheet(sensor: str, group: str) -> Composite | None:
-    """Return the white noise that a sensor's datasheet promises for ``gyro`` or ``accel``; None if it is silent."""
+    """Return the white noise that a sensor's datasheet promises for ``gyro`` or ``accel``; None if it is silent.
+
+    Examples
+    --------
+    >>> gj.datasets.sensor_datasheet("mti-g", "gyro").labels
+    ('WN',)
+    """
     known = _sensor(sensor)
     entries = known.datasheet.get(group)
     return None if entries is None else from_datasheet(entries, known.rate)[0]
@@ -168,6 +216,11 @@ def simulated(
         Unknown sensor or channel.
     TypeError
         The key is an integer or of the old kind.
+
+    Examples
+    --------
+    >>> gj.datasets.simulated("mti-g", 2000, channels=["gyro_x", "accel_x"]).data.shape
+    (2000, 2)
     """
     models = sensor_models(sensor)
     chosen = tuple(models) if channels is None else tuple(channels)

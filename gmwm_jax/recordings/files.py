@@ -80,6 +80,13 @@ def read_recording(
     ValueError
         A file that is corrupt or no regular numeric series; a column of time that is neither named nor left out; a rate
         or unit that is missing or contradicts the file.
+
+    Examples
+    --------
+    >>> np.savetxt("static.csv", np.arange(4.0), header="gyro_x", comments="")
+    >>> rec = gj.read_recording("static.csv", rate=100.0, units="rad/s")
+    >>> rec.channels, rec.data.shape
+    (('gyro_x',), (4, 1))
     """
     file = Path(path)
     require_file(file, _public(file))
@@ -143,6 +150,13 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
     ------
     ValueError
         The path does not end in ``.npz``.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["gyro_x"])
+    >>> path = gj.save_recording(rec, "static.npz")
+    >>> gj.read_recording(path).rate
+    100.0
     """
     file = Path(path)
     if file.suffix.lower() != ".npz":

@@ -31,7 +31,7 @@ from gmwm_jax.recordings.recording import Recording
 
 @dataclass(frozen=True)
 class OutlierRun:
-    """Neighbouring samples that are outliers."""
+    """A run of neighbouring samples that are outliers."""
 
     first: int
     """Index of the first of them."""
@@ -50,7 +50,7 @@ _SHOWN = 10
 
 @dataclass(frozen=True, repr=False)
 class OutliersMasked:
-    """Result of `mask_outliers`.
+    """The result of `mask_outliers`: the recording with outliers missing, and what was masked.
 
     Attributes
     ----------
@@ -71,12 +71,12 @@ class OutliersMasked:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Samples masked in each channel."""
+        """Number of masked samples in each channel."""
         return {name: sum(run.last - run.first + 1 for run in runs) for name, runs in self.runs.items()}
 
     @property
     def shares(self) -> dict[str, float]:
-        """The same as shares of all samples."""
+        """Share of masked samples in each channel."""
         return {name: count / len(self.recording) for name, count in self.counts.items()}
 
     def __repr__(self) -> str:
@@ -134,6 +134,14 @@ def mask_outliers(recording: Any, *, chance: float = 0.05, max_share: float = 0.
     -----
     Bursts of up to about ten samples are seen as a whole. Outliers within the threshold stay, of which there are many
     if their sizes scatter around zero: this is for outliers that stand out. Noise with heavy tails loses them.
+
+    Examples
+    --------
+    >>> x = np.array(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> x[700] = 50.0
+    >>> seen = gj.recordings.mask_outliers(gj.Recording.from_array(x, rate=100.0, units="1"))
+    >>> np.flatnonzero(np.isnan(seen.recording.data[:, 0])).tolist()
+    [700]
     """
     if not isinstance(recording, Recording):
         raise TypeError(

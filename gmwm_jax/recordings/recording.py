@@ -43,6 +43,13 @@ class Recording(Drawable):
     ValueError
         Fewer than two samples, more channels than samples, NaN (without `gaps`) or infinite samples, a channel that is
         constant or all missing, names or units that do not match the channels, or no positive rate.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).normal(size=(500, 2))
+    >>> rec = gj.Recording.from_array(x, rate=100.0, units="deg/s", channels=["gyro_x", "gyro_y"])
+    >>> rec.duration, rec.units
+    (5.0, ('rad/s', 'rad/s'))
     """
 
     data: Float64[np.ndarray, "samples channels"]

@@ -109,7 +109,7 @@ class Coefficients(Mapping[str, Coefficient]):
 
 @dataclass(frozen=True, repr=False)
 class Regression(Drawable):
-    """A regression with dependent errors.
+    """The result of `regress`: a regression with dependent errors.
 
     Attributes
     ----------
@@ -226,6 +226,14 @@ def regress(
     -----
     Intervals take the fitted noise as known: where few samples tell a slow component they are a little short (93 %
     instead of 95). That samples are missing must not depend on their noise.
+
+    Examples
+    --------
+    >>> t = np.arange(2000.0)
+    >>> y = 0.5 * t + np.asarray(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> result = gj.regress(y, gj.regression.trend(t), "WN", rate=1.0)
+    >>> round(result.coefficients["trend"].value, 2)
+    0.5
     """
     require_x64()
     level = confidence(level)

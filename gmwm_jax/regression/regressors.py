@@ -42,18 +42,23 @@ class Design(NamedTuple):
 
 
 def trend(time: Any) -> dict[str, Regressor]:
-    """A straight line: its coefficient is the change per second.
+    """Return a straight line, whose coefficient is the change per second.
 
     Parameters
     ----------
     time
         Time of each sample in seconds, shape (N,). The intercept is then the value at time 0.
+
+    Examples
+    --------
+    >>> gj.regression.trend(np.arange(3.0))["trend"].values.tolist()
+    [0.0, 1.0, 2.0]
     """
     return {"trend": Regressor(_as_column("time", time), "s")}
 
 
 def seasonal(time: Any, period: float, harmonics: int = 1) -> dict[str, Regressor]:
-    """Cosine and sine of a period and of its harmonics.
+    """Return the cosine and the sine of a period and of its harmonics.
 
     Parameters
     ----------
@@ -68,6 +73,11 @@ def seasonal(time: Any, period: float, harmonics: int = 1) -> dict[str, Regresso
     ------
     ValueError
         A period that is not positive, or a number of harmonics below one.
+
+    Examples
+    --------
+    >>> list(gj.regression.seasonal(np.arange(8.0), period=8.0))
+    ['cos 8 s', 'sin 8 s']
     """
     t = _as_column("time", time)
     if not (np.isfinite(period) and period > 0):
@@ -81,7 +91,7 @@ def seasonal(time: Any, period: float, harmonics: int = 1) -> dict[str, Regresso
 
 
 def step(time: Any, at: float) -> dict[str, Regressor]:
-    """A jump: 0 before, 1 from the time `at` on.
+    """Return a jump, which is 0 before the time `at` and 1 from there on.
 
     Parameters
     ----------
@@ -94,6 +104,11 @@ def step(time: Any, at: float) -> dict[str, Regressor]:
     ------
     ValueError
         No sample before, or none after the step.
+
+    Examples
+    --------
+    >>> gj.regression.step(np.arange(4.0), at=2.0)["step 2 s"].values.tolist()
+    [0.0, 0.0, 1.0, 1.0]
     """
     t = _as_column("time", time)
     if not t[0] < at <= t[-1]:
@@ -102,7 +117,7 @@ def step(time: Any, at: float) -> dict[str, Regressor]:
 
 
 def polynomial(values: Any, degree: int, *, name: str, unit: str) -> dict[str, Regressor]:
-    """Powers 1 .. degree of the deviation from the mean, for example of a temperature.
+    """Return the powers 1 to degree of a variable's deviation from its mean, for example of a temperature.
 
     Parameters
     ----------
@@ -117,6 +132,12 @@ def polynomial(values: Any, degree: int, *, name: str, unit: str) -> dict[str, R
     ------
     ValueError
         A degree below one.
+
+    Examples
+    --------
+    >>> powers = gj.regression.polynomial(np.array([20.0, 21.0, 22.0]), 2, name="temperature", unit="K")
+    >>> powers["temperature^2"].values.tolist()
+    [1.0, 0.0, 1.0]
     """
     x = _as_column(name, values)
     x = x - np.mean(x[np.isfinite(x)])

@@ -25,7 +25,7 @@ FLICKER_FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 
 @dataclass(frozen=True, repr=False)
 class AllanDeviation(Drawable):
-    """Overlapping Allan deviation; arrays (J,) for one channel, (J, C) for several.
+    """The overlapping Allan deviation, in arrays (J,) for one channel and (J, C) for several.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class AllanDeviation(Drawable):
 
 
 def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = None) -> AllanDeviation:
-    """Overlapping Allan deviation with confidence intervals.
+    """Compute the overlapping Allan deviation with confidence intervals.
 
     Parameters
     ----------
@@ -72,6 +72,12 @@ def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = N
     -------
     AllanDeviation
         At averaging times of 1, 2, 4 .. samples.
+
+    Examples
+    --------
+    >>> adev = gj.allan_deviation(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> adev.times[:3].tolist()
+    [0.01, 0.02, 0.04]
     """
     wv = as_wavelet_variance(data, "allan_deviation")
     if wv.method != "modwt":

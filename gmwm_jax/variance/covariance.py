@@ -135,7 +135,7 @@ def wv_covariance(
     *,
     efficiency: float | None = None,
 ) -> Float[Array, "J J"]:
-    """Covariance matrix of the Haar MODWT wavelet variance of a record of N samples.
+    """Compute the covariance matrix of the Haar MODWT wavelet variance of a record of N samples.
 
     Parameters
     ----------
@@ -156,6 +156,11 @@ def wv_covariance(
     ValueError
         A parameter without value; too short a record; a component that is not ergodic (SIN); an efficiency not on
         offer, or for a model with a drift.
+
+    Examples
+    --------
+    >>> gj.variance.wv_covariance("WN(sigma2=1.0)", num_samples=2000, num_levels=4).shape
+    (4, 4)
     """
     require_x64()
     model = as_model(model)

@@ -86,7 +86,7 @@ def interval_factors(
 
 
 def haar_wavelet_variance(x: Any, num_levels: int | None = None) -> Float[Array, " J"]:
-    """Haar MODWT wavelet variance of one record as a pure JAX function.
+    """Compute the Haar MODWT wavelet variance of one record, as a pure JAX function.
 
     Parameters
     ----------
@@ -103,6 +103,11 @@ def haar_wavelet_variance(x: Any, num_levels: int | None = None) -> Float[Array,
     ------
     ValueError
         The record is too short, or has another shape: vmap over channels.
+
+    Examples
+    --------
+    >>> gj.variance.haar_wavelet_variance(np.array([1.0, -1.0, 1.0, -1.0]), num_levels=1).tolist()
+    [1.0]
     """
     x = _one_record(x)
     J = check_num_levels(x.shape[0], num_levels)
@@ -125,7 +130,7 @@ def _one_record(x: Any) -> Array:
 
 
 def haar_dwt_variance(x: Any, num_levels: int | None = None) -> Float[Array, " J"]:
-    """Haar DWT wavelet variance: as `haar_wavelet_variance`, from every 2^j-th coefficient only.
+    """Compute the Haar DWT wavelet variance, that of `haar_wavelet_variance` from every 2^j-th coefficient only.
 
     Its expectation is that of the MODWT (R's package wv leaves the factor 2^j in), its variance is larger. Samples
     that fill no whole span at the end are left out.
@@ -136,6 +141,11 @@ def haar_dwt_variance(x: Any, num_levels: int | None = None) -> Float[Array, " J
         Record, shape (N,).
     num_levels
         J, by default floor(log2 N) - 1.
+
+    Examples
+    --------
+    >>> gj.variance.haar_dwt_variance(np.array([1.0, -1.0, 1.0, -1.0]), num_levels=1).tolist()
+    [1.0]
     """
     x = _one_record(x)
     J = check_num_levels(x.shape[0], num_levels)

@@ -28,7 +28,7 @@ _SHOWN = 10
 
 @dataclass(frozen=True, repr=False)
 class RobustComparison(Drawable):
-    """Result of `compare_robust`, for one channel and J scales.
+    """The result of `compare_robust`, for one channel and J scales.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def compare_robust(
     rate: float | None = None,
     unit: str = "1",
 ) -> RobustComparison:
-    """Classic and robust wavelet variance of one channel side by side, with a report of the outliers.
+    """Compare the classic and the robust wavelet variance of one channel, with a report of the outliers.
 
     Parameters
     ----------
@@ -110,6 +110,13 @@ def compare_robust(
     ------
     ValueError
         Several channels; and see `wavelet_variance`.
+
+    Examples
+    --------
+    >>> x = np.array(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> x[700] = 50.0
+    >>> gj.variance.compare_robust(x).num_outliers
+    1
     """
     options: dict[str, Any] = {"num_levels": num_levels, "level": level, "rate": rate, "unit": unit}
     x = record.data if isinstance(record, Recording) else np.asarray(record)

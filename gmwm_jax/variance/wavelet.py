@@ -33,7 +33,7 @@ from gmwm_jax.variance.robust import biweight, robust_wavelet_variance, widening
 
 @dataclass(frozen=True, repr=False)
 class WaveletVariance(Drawable):
-    """Haar wavelet variance of one channel, arrays of shape (J,), or of C channels, (J, C).
+    """The Haar wavelet variance of one channel, in arrays of shape (J,), or of C channels, (J, C).
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class WaveletVariance(Drawable):
         unit: str = "1",
         name: str = "",
     ) -> "WaveletVariance":
-        """Build from published values of one channel.
+        """Build a wavelet variance from published values of one channel.
 
         Parameters
         ----------
@@ -132,23 +132,23 @@ class WaveletVariance(Drawable):
 
     @property
     def num_scales(self) -> int:
-        """J."""
+        """Number of scales, J."""
         return self.scales.shape[0]
 
     @property
     def is_single(self) -> bool:
-        """One channel, with arrays of shape (J,)?"""
+        """Whether this is one channel, with arrays of shape (J,)."""
         return self.variance.ndim == 1
 
     @property
     def has_theory(self) -> bool:
-        """Is there a theory of its covariance? MODWT, all scales 2, 4 ... 2^J, of a record of known length."""
+        """Whether its covariance is known: a MODWT at all scales 2, 4 ... 2^J of a record of known length."""
         dyadic = np.array_equal(self.scales, 2.0 ** np.arange(1, self.num_scales + 1))
         return self.num_samples is not None and self.method == "modwt" and dyadic
 
     @property
     def missing(self) -> str:
-        """In words: how many samples are missing; "" if none is."""
+        """The number of missing samples in words; "" if none is missing."""
         if self.present is None:
             return ""
         counts = np.sum(~self.present, axis=0).ravel()
@@ -174,7 +174,7 @@ class WaveletVariance(Drawable):
         return replace(self, **columns, channels=(self.channels[channel],), units=(self.units[channel],))
 
     def items(self) -> Iterable[tuple[str, "WaveletVariance"]]:
-        """Pairs of channel name and its wavelet variance."""
+        """Iterate over pairs of channel name and its wavelet variance."""
         return ((name, self[i]) for i, name in enumerate(self.channels))
 
     def __repr__(self) -> str:
@@ -207,7 +207,7 @@ def wavelet_variance(
     unit: str = "1",
     scratch: str | os.PathLike | None = None,
 ) -> WaveletVariance:
-    """Haar wavelet variance of a recording, with chi-square confidence intervals.
+    """Compute the Haar wavelet variance of a recording, with chi-square confidence intervals.
 
     Parameters
     ----------
@@ -252,6 +252,13 @@ def wavelet_variance(
         of which half are zero, or that are too far from Gaussian to have a scale.
     TypeError
         A record of another kind.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> wv = gj.wavelet_variance(rec)
+    >>> wv.scales[:3].tolist(), wv.times[:3].tolist()
+    ([2.0, 4.0, 8.0], [0.02, 0.04, 0.08])
     """
     if method not in ("modwt", "dwt"):
         raise ValueError(f"method must be 'modwt' or 'dwt', and is {method!r}.")

@@ -38,6 +38,11 @@ class FlatEarth(eqx.Module):
     ------
     ValueError
         Gravity is negative or not finite.
+
+    Examples
+    --------
+    >>> float(nj.FlatEarth().gravity)
+    9.80665
     """
 
     gravity: Scalar

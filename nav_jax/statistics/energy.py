@@ -24,7 +24,7 @@ _ROUNDING = 1e-9
 
 
 def energy_score(error: Float[np.ndarray, "... k"], covariance: Float[np.ndarray, "... k k"]) -> np.ndarray:
-    """Energy score of the forecast N(estimate, P) of each run and epoch; lower is better.
+    """Compute the energy score of the forecast N(estimate, P) of each run and epoch; lower is better.
 
     Parameters
     ----------
@@ -41,6 +41,11 @@ def energy_score(error: Float[np.ndarray, "... k"], covariance: Float[np.ndarray
     ------
     ValueError
         Other shapes, NaN, a covariance that is not symmetric or has a negative eigenvalue.
+
+    Examples
+    --------
+    >>> nj.statistics.energy_score(np.array([[[3.0, 4.0, 0.0]]]), np.zeros((1, 1, 3, 3))).round(9).tolist()
+    [[5.0]]
     """
     variance, mean2 = _principal_axes(error, covariance)
     # X - X' ~ N(0, 2 P)

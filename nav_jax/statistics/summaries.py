@@ -175,7 +175,7 @@ def mean_curve(values: Float[np.ndarray, "R ..."], level: float = 0.95) -> Curve
 
 
 def mean_norm(error: Float[np.ndarray, "R E k"], level: float = 0.95) -> Curve:
-    """Mean over runs of the length of the error: distance in metres, angle of the attitude error in radians.
+    """Compute the mean over runs of the length of the error: metres of position, radians of attitude.
 
     Parameters
     ----------
@@ -183,6 +183,12 @@ def mean_norm(error: Float[np.ndarray, "R E k"], level: float = 0.95) -> Curve:
         Vectors of error.
     level
         Confidence of Student's interval; it is cut at zero, below which no length lies.
+
+    Examples
+    --------
+    >>> error = np.array([[[3.0, 4.0]], [[0.0, 1.0]]])  # two runs, one epoch, two components
+    >>> nj.statistics.mean_norm(error).value.tolist()
+    [3.0]
     """
     _runs("error", error)
     c = mean_curve(np.linalg.norm(error, axis=-1), level)
@@ -190,7 +196,7 @@ def mean_norm(error: Float[np.ndarray, "R E k"], level: float = 0.95) -> Curve:
 
 
 def rms(error: Float[np.ndarray, "R E k"], level: float = 0.95, *, per_component: bool = False) -> Curve:
-    """Root mean square over runs of the length of the error, or of each component.
+    """Compute the root mean square over runs of the length of the error, or of each component.
 
     N rms^2 is taken for a scaled chi-square variable whose degrees of freedom follow from its variance (Satterthwaite).
     That variance is the larger of two: the one of Gaussian errors with the second moments seen, by which the interval
@@ -205,6 +211,12 @@ def rms(error: Float[np.ndarray, "R E k"], level: float = 0.95, *, per_component
         Confidence.
     per_component
         Curves of shape (E, k) instead of (E,).
+
+    Examples
+    --------
+    >>> error = np.array([[[3.0, 4.0]], [[0.0, 5.0]]])
+    >>> nj.statistics.rms(error).value.tolist()
+    [5.0]
     """
     level = probability("level", level)
     N = _runs("error", error)
@@ -221,7 +233,7 @@ def rms(error: Float[np.ndarray, "R E k"], level: float = 0.95, *, per_component
 
 
 def mean_nees(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95) -> Consistency:
-    """Mean NEES (or NIS, which is judged alike) over runs, with the chi-square band of a consistent filter.
+    """Compute the mean NEES or NIS over runs, with the chi-square band of a consistent filter.
 
     The band of one epoch is chi2(dof N)/N. The overall verdict rests on one average a run, whose mean has an interval
     by Student's t on the log scale.
@@ -239,6 +251,13 @@ def mean_nees(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95) -> 
     ------
     ValueError
         No epoch, negative squares, a dof that is no positive integer.
+
+    Examples
+    --------
+    >>> squares = np.random.default_rng(0).chisquare(6, size=(100, 50))  # 100 runs of an honest filter, 50 epochs
+    >>> result = nj.statistics.mean_nees(squares, dof=6)
+    >>> result.share_inside > 0.8
+    True
     """
     level, dof = probability("level", level), integer("dof", dof, 1)
     N = _squares(nees)
@@ -251,7 +270,7 @@ def mean_nees(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95) -> 
 
 
 def coverage(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95, confidence: float = 0.95) -> Coverage:
-    """Fraction of runs whose truth lies in the filter's ellipsoid of probability `level`.
+    """Compute the share of runs whose truth lies in the filter's ellipsoid of probability `level`.
 
     Parameters
     ----------
@@ -263,6 +282,12 @@ def coverage(nees: Float[np.ndarray, "R E"], dof: int, level: float = 0.95, conf
         Probability that the ellipsoid claims.
     confidence
         Of the band and of the interval; it has nothing to do with `level`.
+
+    Examples
+    --------
+    >>> squares = np.random.default_rng(0).chisquare(6, size=(100, 50))
+    >>> round(float(nj.statistics.coverage(squares, dof=6).value.mean()), 2)
+    0.95
     """
     level, confidence = probability("level", level), probability("confidence", confidence)
     N = _squares(nees)
@@ -321,6 +346,13 @@ def paired(a: Float[np.ndarray, " A"], b: Float[np.ndarray, " B"], level: float 
     ------
     ValueError
         Not as many of a as of b.
+
+    Examples
+    --------
+    >>> a, b = np.array([3.0, 4.0, 5.0, 6.0]), np.array([2.0, 3.1, 3.9, 5.0])
+    >>> result = nj.statistics.paired(a, b)
+    >>> round(result.difference, 6), result.p < 0.01
+    (1.0, True)
     """
     level, power = probability("level", level), probability("power", power)
     N = _runs("a", a)

@@ -85,6 +85,12 @@ def read_trajectory(
     ValueError
         A corrupt file; a column that is missing or no number; a unit or frame that is not stated, or stated twice
         differently; values that make no trajectory.
+
+    Examples
+    --------
+    >>> path = nj.trajectory.save_trajectory(nj.motions.circle(duration=10.0, rate=20.0), "circle.csv")
+    >>> nj.read_trajectory(path).duration
+    10.0
     """
     require_x64()
     is_file = isinstance(source, str | os.PathLike)
@@ -117,6 +123,11 @@ def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> Pat
     ------
     ValueError
         The path ends in neither.
+
+    Examples
+    --------
+    >>> nj.trajectory.save_trajectory(nj.motions.circle(duration=10.0, rate=20.0), "circle.npz").name
+    'circle.npz'
     """
     file = Path(path)
     parts = (trajectory.time[:, None], trajectory.position, trajectory.euler, trajectory.velocity)

@@ -61,6 +61,13 @@ def from_path(
     ------
     ValueError
         Duration, rate or attitude that make no trajectory; an attitude from a motion that stands still.
+
+    Examples
+    --------
+    >>> def path(t):
+    ...     return jnp.stack([10.0 * t, 0.0 * t, -(t**2)])
+    >>> nj.motions.from_path(path, duration=10.0, rate=20.0).velocity[-1].round(6).tolist()
+    [10.0, 0.0, -20.0]
     """
     time = _times(duration, rate)
     p, v, a = _derivatives(path, jnp.asarray(time), *(jnp.asarray(x, dtype=jnp.float64) for x in parameters))
@@ -77,13 +84,18 @@ def lemniscate(
     gravity: Real = STANDARD_GRAVITY,
     name: str = "lemniscate",
 ) -> Trajectory:
-    """The figure of eight N = size sin wt, E = size sin wt cos wt with w = 2 pi / period, at constant height.
+    """Generate a figure of eight, N = size sin wt, E = size sin wt cos wt with w = 2 pi / period, at one height.
 
     With ``attitude="navigation"`` the attitude is that of ``lemniscate_traj_ned`` of the R package navigation, to
     1e-9 rad in its 600 s: roll -45 deg times the curvature over its maximum (it banks out of the turn, so that the
     specific force is no longer that of a coordinated turn), pitch 20 deg times the absolute curvature, interpolated
     between whole seconds, yaw along the central difference of its positions at 100 Hz. The default is a coordinated
     turn: roll up to 6.7 deg, pitch zero.
+
+    Examples
+    --------
+    >>> nj.motions.lemniscate(duration=10.0, rate=20.0).time.shape
+    (201,)
     """
     w = 2 * np.pi / number("period (s)", period)
     motion = partial(from_path, _lemniscate, number("size (m)", size), w, duration=duration, rate=rate, name=name)
@@ -100,7 +112,13 @@ def static(
     position: Sequence[Real] = (0.0, 0.0, 0.0),
     name: str = "static",
 ) -> Trajectory:
-    """At rest, with a given roll, pitch, yaw (rad) and north, east, down (m)."""
+    """Generate a trajectory at rest, with a given roll, pitch, yaw (rad) and north, east, down (m).
+
+    Examples
+    --------
+    >>> nj.motions.static(duration=10.0, rate=20.0).velocity.max().item()
+    0.0
+    """
     return from_path(_still, np.asarray(position, float), duration=duration, rate=rate, attitude=euler, name=name)
 
 
@@ -115,7 +133,13 @@ def straight(
     attitude: Attitude = "coordinated",
     name: str = "straight",
 ) -> Trajectory:
-    """A straight line along a heading and climb angle (rad), from a speed (m/s) with constant acceleration (m/s^2)."""
+    """Generate a straight line along a heading and climb angle (rad), at a speed (m/s) or accelerated (m/s^2).
+
+    Examples
+    --------
+    >>> nj.motions.straight(duration=10.0, rate=20.0, speed=3.0).position[-1].round(6).tolist()
+    [30.0, 0.0, ...0.0]
+    """
     heading, angle, acceleration = (
         number(what, x, negative_ok=True)
         for what, x in (("heading (rad)", heading), ("angle (rad)", angle), ("acceleration (m/s^2)", acceleration))
@@ -136,7 +160,14 @@ def circle(
     gravity: Real = STANDARD_GRAVITY,
     name: str = "circle",
 ) -> Trajectory:
-    """A horizontal circle, clockwise seen from above, from the origin northwards."""
+    """Generate a horizontal circle, clockwise seen from above, from the origin northwards.
+
+    Examples
+    --------
+    >>> east = nj.motions.circle(duration=10.0, rate=20.0, radius=100.0, speed=10.0).position[:, 1]
+    >>> bool((east[1:] > 0).all())  # northwards, and to the right
+    True
+    """
     return helix(duration, rate, radius=radius, speed=speed, climb=0.0, attitude=attitude, gravity=gravity, name=name)
 
 
@@ -151,7 +182,13 @@ def helix(
     gravity: Real = STANDARD_GRAVITY,
     name: str = "helix",
 ) -> Trajectory:
-    """A circle of a horizontal speed (m/s) that climbs at a constant rate (m/s upwards)."""
+    """Generate a circle of a horizontal speed (m/s) that climbs at a constant rate (m/s upwards).
+
+    Examples
+    --------
+    >>> round(float(nj.motions.helix(duration=10.0, rate=20.0, climb=2.0).position[-1, 2]), 6)
+    -20.0
+    """
     parameters = (
         number("radius (m)", radius),
         number("speed (m/s)", speed),
@@ -172,7 +209,7 @@ def climb(
     attitude: Attitude = "coordinated",
     name: str = "climb",
 ) -> Trajectory:
-    """Level northwards, then climbing, then level again, at constant horizontal speed.
+    """Generate a level flight northwards that climbs and levels off again, at constant horizontal speed.
 
     Parameters
     ----------
@@ -188,6 +225,11 @@ def climb(
         See the file.
     name
         Name of the trajectory.
+
+    Examples
+    --------
+    >>> nj.motions.climb(duration=60.0, rate=20.0).position[-1, 2] < 0  # down is positive
+    np.True_
     """
     begin = 0.25 * duration if start is None else number("start (s)", start, zero_ok=True)
     finish = 0.75 * duration if end is None else number("end (s)", end)
@@ -210,7 +252,7 @@ def racetrack(
     gravity: Real = STANDARD_GRAVITY,
     name: str = "racetrack",
 ) -> Trajectory:
-    """Two straights and two half turns to the right, at constant speed; it starts northwards and closes exactly.
+    """Generate a closed track, at first northwards, of two straights and two half turns right at constant speed.
 
     The turn rate rises and falls smoothly, so that acceleration and its first two derivatives are continuous. Velocity
     and acceleration are exact, and position is their Gauss-Legendre integral to 1e-12 m.
@@ -227,6 +269,12 @@ def racetrack(
         Seconds in which the turn rate rises from zero, and in which it falls; at most half of `turn`.
     attitude, gravity, name
         See `from_path`.
+
+    Examples
+    --------
+    >>> lap = nj.motions.racetrack(duration=80.0, rate=20.0, straight=20.0, turn=20.0)
+    >>> bool(abs(lap.position[-1]).max() < 1e-6)
+    True
     """
     time = _times(duration, rate)
     speed, straight, turn, ramp = (
@@ -256,7 +304,7 @@ def waypoints(
     gravity: Real = STANDARD_GRAVITY,
     name: str = "waypoints",
 ) -> Trajectory:
-    """A spline of degree 5 through given points (3 where there are fewer than 6).
+    """Generate a spline of degree 5 through given points (3 where there are fewer than 6).
 
     Parameters
     ----------
@@ -275,6 +323,12 @@ def waypoints(
     ------
     ValueError
         Fewer than four points, two equal ones in succession, or not exactly one of `speed` and `times`.
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0.0, 0.0], [50.0, 0.0, 0.0], [80.0, 40.0, 0.0], [80.0, 90.0, -5.0]])
+    >>> nj.motions.waypoints(points, rate=20.0, times=[0.0, 6.0, 12.0, 18.0]).duration
+    18.0
     """
     p = real_array("points", points, (None, 3))
     if len(p) < 4:

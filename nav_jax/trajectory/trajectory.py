@@ -50,6 +50,14 @@ class Trajectory(Drawable):
     ValueError
         Shapes that do not match, fewer than two epochs, time that does not increase, NaN or infinite values,
         quaternions that are not of unit length.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 10.0, 0.1)
+    >>> position = np.stack([5.0 * time, 0.0 * time, 0.0 * time], axis=1)
+    >>> reference = nj.Trajectory.from_euler(time, position, np.zeros((100, 3)))
+    >>> reference.rate, reference.velocity[0].round(6).tolist()
+    (10.0, [5.0, 0.0, 0.0])
     """
 
     time: Times
