@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test validate check docs clean
+.PHONY: demo test validate test-old-cpu check docs clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -23,13 +23,26 @@ test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name
 	$(if $(ROOM),$(if $(TESTS),,$(error There is no room $(ROOM); see tests/gmwm and tests/nav)))
 	$(PYTEST) $(TESTS)
 
-validate: $(VENV)/.installed  ## statistics against their bands, README and notebooks
-	$(PYTEST) tests/validation
+# where the statistics are written down, each with its band, number of draws and commit
+RECORD ?= benchmarks/results/validation.json
 
-check: $(VENV)/.installed  ## lint, format, types
+validate: $(VENV)/.installed  ## statistics against their bands, README and notebooks
+	$(PYTEST) tests/validation --record $(RECORD)
+
+# A tolerance that holds on one processor only is none of the method's: rooms of numbers, without the instructions of
+# the last fifteen years, in XLA and in NumPy.
+NUMERICAL := tests/nav/kinematics tests/nav/trajectory tests/nav/imu tests/nav/filter tests/gmwm/processes tests/gmwm/variance
+DISPATCHED = from numpy._core._multiarray_umath import __cpu_dispatch__ as d, __cpu_features__ as f; print(*(x for x in d if f[x]))
+
+test-old-cpu: $(VENV)/.installed  ## the numerical rooms as on a processor of 2008 (x86-64)
+	XLA_FLAGS="--xla_cpu_use_fusion_emitters=false --xla_cpu_max_isa=SSE4_2" \
+	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(DISPATCHED)')" $(PYTEST) $(NUMERICAL)
+
+check: $(VENV)/.installed  ## lint, format, types; names files that have grown long
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/python .ci/long_files.py gmwm_jax nav_jax tests benchmarks
 
 docs: $(VENV)/.installed  ## the API reference, from the docstrings, in out/docs
 	$(BIN)/python notebooks/api_reference.py out/docs
