@@ -43,8 +43,8 @@ class ImuErrors(eqx.Module):
         Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three.
     start
         ``stationary``: every process starts from its stationary distribution, if it has one (a random walk starts with
-        its first step). ``zero``: all states start at zero and are known to, as in R's navigation, but for what is
-        nothing else than its start: a drift, a sinusoid, a turn-on bias.
+        its first step). ``zero``: all states are zero before the first sample, so that this is their first innovation,
+        as in R's navigation; but for what is nothing else than its start: a drift, a sinusoid, a turn-on bias.
 
     Raises
     ------
@@ -134,9 +134,9 @@ class ImuErrors(eqx.Module):
                 if form is None:
                     continue
                 white[channel] = white[channel] + form.white
-                # a start from zero is one of what noise drives on, in the emulation and in the filter
+                # zero is the state before the first sample, which is then the first innovation
                 if self.start == "zero" and process.driven and process.in_filter:
-                    form = form._replace(initial=0 * form.initial)
+                    form = form._replace(initial=form.driving)
                 names = process.state_names(len(form.readout))
                 states += [SensorState(channel, f"{label} {name}".rstrip(), process.in_filter) for name in names]
                 forms.append(form)

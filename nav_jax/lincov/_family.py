@@ -144,8 +144,8 @@ class Family(eqx.Module):
                 white[channel] = jnp.exp(log_r)
                 phi.append(jnp.where(walk > 0, 1.0, jnp.exp(-beta)))
                 driving.append(q)
-                known = float(self.truth.start == "zero")
-                initial.append((1 - known) * jnp.where(walk > 0, q, q / -jnp.expm1(-2 * beta)))
+                first_is_driving = (walk > 0) | (self.truth.start == "zero")
+                initial.append(jnp.where(first_is_driving, q, q / -jnp.expm1(-2 * beta)))
                 states += [SensorState(channel, f"process {i + 1}") for i in range(slots)]
                 if channel in self.truth.biased:
                     phi.append(jnp.ones(1))

@@ -73,11 +73,12 @@ def test_moments_of_an_arma_process():
 
 
 def test_a_start_from_zero():
-    """The first sample is white; the second has one innovation; the variance grows from there."""
+    """The first sample is the first innovation, as in R; the variance grows from there, and the walk's as well."""
     _, lasting = drawn(MODEL, start="zero")
-    np.testing.assert_array_equal(lasting[0], 0.0)
-    for k in (1, 5, 29):
-        assert_mean(lasting[k, 0] ** 2, (1 - 0.81**k) / (1 - 0.81))
+    _, walk = drawn(WHITE + gj.RW(2.0), start="zero")
+    for k in (0, 1, 5, 29):
+        assert_mean(lasting[k, 0] ** 2, (1 - 0.81 ** (k + 1)) / (1 - 0.81))
+        assert_mean(walk[k, 0] ** 2, 2.0 * (k + 1))
 
 
 def test_random_walk_drift_and_bias():
@@ -165,5 +166,5 @@ def test_what_is_nothing_but_its_start_has_one_from_zero_too():
     zero, free = (nj.ImuErrors(**model, rate=100.0, start=start).bank() for start in ("zero", "stationary"))
     np.testing.assert_array_equal(zero.initial, free.initial)
     assert np.linalg.matrix_rank(zero.initial) > 0
-    driven = nj.ImuErrors(gj.WN(1e-4) + gj.RW(1e-9), gj.WN(1e-6), rate=100.0, start="zero").bank()
-    assert not driven.initial.any()
+    driven = nj.ImuErrors(gj.WN(1e-4) + gj.AR1(0.9, 1e-9), gj.WN(1e-6), rate=100.0, start="zero").bank()
+    np.testing.assert_array_equal(driven.initial, driven.driving)

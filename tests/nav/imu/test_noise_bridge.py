@@ -67,9 +67,31 @@ def test_what_a_process_is_to_a_filter():
     np.testing.assert_allclose([b.transition[4, 4], b.driving[4, 4], b.initial[4, 4]], [1.0, 0.0, 0.25])
 
 
-def test_starting_from_zero_is_known_to_be_zero():
+def test_starting_from_zero_the_first_sample_is_the_first_innovation():
     b = bank(WHITE + gj.AR1(0.9, 2.0), start="zero", accel_bias_sd=0.5)
-    np.testing.assert_array_equal(np.diag(b.initial), [0.0, 0.25] * 3)
+    np.testing.assert_array_equal(np.diag(b.initial), [2.0, 0.25] * 3)
+
+
+@pytest.mark.parametrize("complete", [False, True], ids=["filter", "truth"])
+def test_variances_of_a_start_from_zero(complete):
+    """Sample by sample those of the sums of innovations so far: of a filter's states and of the truth's alike."""
+    models = [
+        gj.AR1(0.9, 2.0),
+        gj.RW(3.0),
+        gj.ARMA(2, 1)(0.5, 0.2, 0.4, 1.5),
+    ]
+    b = nj.ImuErrors(models, WHITE + gj.QN(4.0), 100.0, start="zero").bank(complete=complete)
+    response = [1.0, 0.9]  # of the ARMA: psi_0 = 1, psi_1 = phi_1 + theta_1, and from there by phi
+    while len(response) < 20:
+        response.append(0.5 * response[-1] + 0.2 * response[-2])
+    P = np.asarray(b.initial)
+    for k in range(20):
+        seen = [float(h @ P @ h) for h in (np.where(np.equal(b.channels, c), b.readout, 0.0) for c in range(4))]
+        powers = 0.81 ** np.arange(k + 1)
+        expected = [2.0 * powers.sum(), 3.0 * (k + 1), 1.5 * np.sum(np.square(response[: k + 1]))]
+        # quantisation noise has no start: what rounding there was before the first sample nobody knows
+        np.testing.assert_allclose(seen, [*expected, 8.0 if complete else 0.0], rtol=1e-12)
+        P = np.asarray(b.transition @ P @ b.transition.T + b.driving)
 
 
 def test_components_of_zero_are_no_states():
