@@ -79,7 +79,7 @@ def fit_all(wvs: list[gj.variance.WaveletVariance], model: str) -> list[gj.Fit]:
         stacked = {k: np.column_stack([getattr(w, k) for w in part]) for k in ("variance", "ci_low", "ci_high")}
         names = tuple(f"record_{i}" for i in range(len(part)))
         together = replace(part[0], **stacked, channels=names, units=("1",) * len(part))
-        fits += gj.fit(together, model, omega="two-step", throw=False).values()
+        fits += gj.fit(together, model, weights="two-step", throw=False).values()
     return fits
 
 
