@@ -1,6 +1,6 @@
 """Weights from the covariance of the wavelet variance: what they are, and what they gain."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import jax
@@ -60,6 +60,11 @@ def test_what_has_no_covariance_is_refused(records):
         gj.fit(only, "DR", weights="covariance")
 
 
+def as_records(*channels):
+    """Channels as records of one channel."""
+    return [replace(wv, channels=("x",)) for wv in channels]
+
+
 @dataclass(frozen=True)
 class OfRatios(AbstractWeights):
     """1/fitted^2 on the diagonal, as any user may write it."""
@@ -78,7 +83,7 @@ def test_new_weights_are_one_class(records):
     before = gj.fit(wv, "WN + GM", weights="two-step")
     np.testing.assert_allclose(np.diag(fit.omega), before.fitted**-2.0, rtol=1e-12)
     assert "(ratios weights)" in fit.summary()
-    joint = gj.fit_records([records[0], records[1]], "WN + GM", weights=OfRatios())
+    joint = gj.fit_records(as_records(records[0], records[1]), "WN + GM", weights=OfRatios())
     np.testing.assert_allclose(joint.records[0].omega, joint.records[1].omega, rtol=1e-12)
     boot = gj.bootstrap(fit, 2, key=jax.random.key(0))
     assert boot.converged.all()
@@ -91,7 +96,7 @@ def test_weights_that_need_a_fit_have_no_objective_without_one(records):
 
 
 def test_iterated_weights_of_records_are_those_of_their_joint_fit(records):
-    joint = gj.fit_records([records[0], records[1]], "WN + GM", weights="iterated")
+    joint = gj.fit_records(as_records(records[0], records[1]), "WN + GM", weights="iterated")
     for r in joint.records:
         V = np.asarray(gj.variance.wv_covariance(joint.model, NUM_SAMPLES, r.wv.num_scales))
         np.testing.assert_allclose(r.omega @ V, np.eye(len(V)), atol=1e-4)
