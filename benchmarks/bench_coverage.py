@@ -15,7 +15,6 @@ The default weights, 1/(ci_high - ci_low)^2, are random: a scale that came out l
 case is fitted once more with ``weights="two-step"``, where they come from a first fit.
 """
 
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -27,9 +26,10 @@ import numpy as np
 from common import Report, compilations, seconds, timed
 
 import gmwm_jax as gj
+from gmwm_jax._internal.cores import num_threads
 
 TOGETHER = 50
-THREADS = os.cpu_count() or 1
+THREADS = num_threads()
 KEY = jax.random.key(20130901)
 
 
