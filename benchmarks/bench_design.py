@@ -21,11 +21,10 @@ import nav_jax as nj
 def main() -> None:
     report = Report("design", __doc__)
     duration, num = (60.0, 100) if report.quick else (300.0, 2000)
-    earth = nj.FlatEarth(case.GRAVITY)
-    truth, scenario = case.FILTERS["right"], nj.Scenario(case.reference(duration), case.aiding(duration))
+    truth, scenario = case.FILTERS["right"], case.scenario(duration, every=10)
     most = 1 if report.quick else 2
     start = time.perf_counter()
-    design = nj.design(truth, scenario, max_accel=most, max_gyro=most, num_starts=2, earth=earth)
+    design = nj.design(scenario, truth, max_accel=most, max_gyro=most, num_starts=2)
     wall = time.perf_counter() - start
     report.say(f"## The design ({seconds(wall)}, compilation included)", f"```\n{design!r}\n```")
     best = {
@@ -33,8 +32,7 @@ def main() -> None:
     }
     filters = {f"designed, {k} an axis": c.errors for k, c in best.items()}
     filters |= {"partial (1 an axis)": case.FILTERS["WN + 1 AR1"], "right": truth, "WN only": case.FILTERS["WN only"]}
-    options = case.options(num, duration) | {"key": jax.random.key(1905)}
-    runs = nj.compare(scenario.reference, truth, filters, gains="estimate", every=10, **options)
+    runs = nj.compare(scenario, truth, filters, num_runs=num, key=jax.random.key(1905))
     k = runs["right"].epoch()
     rows, error = [], {}
     for name, r in runs.runs.items():

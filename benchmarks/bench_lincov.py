@@ -35,12 +35,11 @@ def main() -> None:
         return time_many()
     report = Report("lincov", __doc__)
     duration = 60.0 if report.quick else 300.0
-    reference, aiding = case.reference(duration), case.aiding(duration)
-    accuracy(report, reference, duration, 200 if report.quick else 2000)
+    accuracy(report, duration, 200 if report.quick else 2000)
     truth, right = case.FILTERS["right"], case.FILTERS["right"]
     times = {}
     for every in (1, 10):
-        e = nj.filter.prepare(reference, aiding, rate=100.0, earth=nj.FlatEarth(case.GRAVITY), every=every)
+        e = nj.filter.prepare(case.scenario(duration, every), rate=100.0)
         motion = nj.lincov.motion_of(e)
         times[every] = repeated(lambda e=e, m=motion: nj.lincov.linear_covariance(e, truth, right, motion=m))
         if every == 10:
@@ -60,15 +59,12 @@ def main() -> None:
     report.save()
 
 
-def accuracy(report: Report, reference: nj.Trajectory, duration: float, num: int) -> None:
+def accuracy(report: Report, duration: float, num: int) -> None:
     """True RMS and NEES against runs."""
-    options = case.options(num, duration)
-    del options["num_runs"], options["key"]
-    analysis = nj.analyse(reference, case.FILTERS["right"], case.FILTERS, every=10, **options)
+    scenario = case.scenario(duration, every=10)
+    analysis = nj.analyse(scenario, case.FILTERS["right"], case.FILTERS)
     start = time.perf_counter()
-    runs = nj.compare(
-        reference, case.FILTERS["right"], case.FILTERS, gains="estimate", every=10, **case.options(num, duration)
-    )
+    runs = nj.compare(scenario, case.FILTERS["right"], case.FILTERS, **case.options(num))
     wall = time.perf_counter() - start
     rows, worst = [], {"within": 1.0, "end": 0.0, "nees": 0.0}
     for name, c in analysis.items():
@@ -127,8 +123,7 @@ def time_many() -> None:
     """In a fresh process: seconds for one filter, for 64, and for 64 that two devices share."""
     import json
 
-    reference, aiding = case.reference(), case.aiding()
-    e = nj.filter.prepare(reference, aiding, rate=100.0, earth=nj.FlatEarth(case.GRAVITY), every=10)
+    e = nj.filter.prepare(case.scenario(every=10), rate=100.0)
     motion = nj.lincov.motion_of(e)
 
     def build(s):
@@ -207,7 +202,7 @@ def memory() -> None:
     import json
     import resource
 
-    e = nj.filter.prepare(case.reference(), case.aiding(), rate=100.0, earth=nj.FlatEarth(case.GRAVITY))
+    e = nj.filter.prepare(case.scenario(), rate=100.0)
     value, at = cost(e, nj.lincov.motion_of(e))
     jax.block_until_ready(jax.jit(jax.grad(value))(at))
     print(json.dumps({"peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))

@@ -12,11 +12,11 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 from common import Report, compilations, fresh, seconds
-from nav_case import errors, options, reference
+from nav_case import errors, options, scenario
 
 from nav_jax.filter.experiment import draw_inputs, gains_of, prepare, run_filter, run_keys
 from nav_jax.imu.emulation import write_out
-from nav_jax.simulation import campaign as monte_carlo
+from nav_jax.simulation.campaign import monte_carlo
 
 PEER = {1: 1.75, 10: 1.25}
 MODES = {"every step": ("estimate", 1), "every 10th": ("estimate", 10), "reference": ("reference", 1)}
@@ -25,12 +25,12 @@ BARS = {"every step": 0.02, "every 10th": 0.006, "reference": 0.0012}
 
 def timed_runs(num_runs, gains, every, believed=None, duration=300.0, **extra):
     """Seconds of a first and the best of two later calls, and seconds of XLA's compilation in the first."""
-    ref, truth = reference(duration), errors()
+    where, truth = scenario(duration, every), errors()
     spans = []
     with compilations() as compiled:
         for _ in range(3):
             start = time.perf_counter()
-            runs = monte_carlo(ref, truth, believed, gains=gains, every=every, **options(num_runs, duration), **extra)
+            runs = monte_carlo(where, truth, believed, gains=gains, **options(num_runs), **extra)
             spans.append(time.perf_counter() - start)
             assert runs.num_good == num_runs
     return spans[0], min(spans[1:]), compiled.seconds
@@ -42,7 +42,7 @@ def parts(report: Report) -> None:
     rows = []
     truth, case = errors(), options(size)
     for name, (gains, every) in MODES.items():
-        experiment = prepare(reference(), case["aiding"], rate=100.0, earth=case["earth"], every=every)
+        experiment = prepare(scenario(every=every), rate=100.0)
         keys = run_keys(case["key"], 0, size)
         shared = gains_of(experiment, truth) if gains == "reference" else None
 

@@ -10,14 +10,14 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from nav_case import FILTERS, errors, options, reference
+from nav_case import FILTERS, errors, options, scenario
 
 from nav_jax import compare
 
 
 def main() -> None:
     num_runs, gains, every = int(sys.argv[1]), sys.argv[2], int(sys.argv[3])
-    comparison = compare(reference(), errors(), FILTERS, **options(num_runs), gains=gains, every=every)
+    comparison = compare(scenario(every=every), errors(), FILTERS, **options(num_runs), gains=gains)
     print(comparison)
     print(json.dumps({"seconds": time.perf_counter() - start, "runs": comparison.num_common}))
 

@@ -93,13 +93,13 @@ def smoother(report: Report) -> None:
         nj.GnssVelocity(horizontal=0.01, vertical=0.02, outages=[outage]),
         nj.Barometer(height=0.5),
     )
-    options = case.options(num, duration) | {"aiding": aiding, "initial": START, "every": 10}
+    scenario = nj.Scenario(case.reference(duration), aiding, START, nj.FlatEarth(case.GRAVITY), every=10)
     full = case.FILTERS["right"]
     errors = nj.ImuErrors(full.models[:3], full.models[3:], RATE)
     both, times = [], []
     for smooth in (False, True):
         start = time.perf_counter()
-        both.append(nj.monte_carlo(case.reference(duration), errors, smooth=smooth, **options))
+        both.append(nj.monte_carlo(scenario, errors, smooth=smooth, **case.options(num)))
         times.append(time.perf_counter() - start)
     plain, smooth = both
     inside = (plain.time > outage[0]) & (plain.time < outage[1])

@@ -7,7 +7,7 @@ AR1 processes on each accelerometer, two on each gyro, 24 states in the right fi
 import jax
 
 from gmwm_jax import AR1, WN
-from nav_jax import Barometer, FlatEarth, GnssPosition, GnssVelocity, ImuErrors
+from nav_jax import Barometer, FlatEarth, GnssPosition, GnssVelocity, ImuErrors, Scenario
 from nav_jax.trajectory.motions import lemniscate
 
 ACCEL = ((0.9982454, 1.848297e-10), (0.9999121, 2.435414e-11), (0.9999998, 1.026718e-12))
@@ -38,13 +38,12 @@ def reference(duration: float = 300.0):
     return lemniscate(duration, 100.0, attitude="navigation", gravity=GRAVITY)
 
 
-def options(num_runs: int, duration: float = 300.0) -> dict:
-    return {
-        "aiding": aiding(duration),
-        "num_runs": num_runs,
-        "key": jax.random.key(2023),
-        "earth": FlatEarth(GRAVITY),
-    }
+def scenario(duration: float = 300.0, every: int = 1) -> Scenario:
+    return Scenario(reference(duration), aiding(duration), earth=FlatEarth(GRAVITY), every=every)
+
+
+def options(num_runs: int) -> dict:
+    return {"num_runs": num_runs, "key": jax.random.key(2023)}
 
 
 FILTERS = {"right": errors(), "WN only": errors(0, 0), "WN + 1 AR1": errors(1, 1)}

@@ -41,12 +41,12 @@ from nav_jax.aiding import Fixes as Fixes
 from nav_jax.aiding import GnssPosition as GnssPosition
 from nav_jax.aiding import GnssVelocity as GnssVelocity
 from nav_jax.filter import InitialUncertainty as InitialUncertainty
+from nav_jax.filter import Scenario as Scenario
 from nav_jax.imu import Imu as Imu
 from nav_jax.imu import ImuErrors as ImuErrors
 from nav_jax.imu import RecordedErrors as RecordedErrors
 from nav_jax.imu import perfect_imu as perfect_imu
 from nav_jax.kinematics import FlatEarth as FlatEarth
-from nav_jax.lincov import Scenario as Scenario
 from nav_jax.lincov import analyse as analyse
 from nav_jax.lincov import calibration_effect as calibration_effect
 from nav_jax.lincov import design as design

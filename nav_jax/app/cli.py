@@ -22,11 +22,10 @@ from nav_jax.app.report import as_json, write_report
 from nav_jax.app.report_analysis import Report, budget_report, design_report, tuning_report
 from nav_jax.app.sections import FolderSection
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.lincov.analysis import analyse
 from nav_jax.lincov.budget import error_budget
 from nav_jax.lincov.derivatives import sensitivities
-from nav_jax.lincov.filter_design import OBJECTIVES, Scenario
+from nav_jax.lincov.filter_design import OBJECTIVES
 from nav_jax.lincov.filter_design import design as design_filters
 from nav_jax.simulation.comparison import Comparison
 
@@ -135,13 +134,12 @@ def budget(
     known = read_config(config)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
-    truth, options = _model(known), _along(known)
-    options["output_interval"] = known.run.output_interval
+    truth, scenario = _model(known), known.scenario
     _say(f"Covariances of {', '.join(known.filters)} ...")
-    analysis = analyse(known.reference, truth, known.filters, **options)
+    analysis = analyse(scenario, truth, known.filters)
     _say(f"Error budget and derivatives of {name} ...")
-    parts = error_budget(known.reference, truth, known.filters[name], **options)
-    derivatives = sensitivities(known.reference, truth, known.filters[name], **options)
+    parts = error_budget(scenario, truth, known.filters[name])
+    derivatives = sensitivities(scenario, truth, known.filters[name])
     _give(budget_report(analysis, name, parts, derivatives), json_file, folder, plot=plot)
 
 
@@ -162,18 +160,16 @@ def design(
     """Find the filters with few states that navigate best along the trajectory of the file."""
     known = read_config(config)
     folder, plot = _folder(known.output, config.parent, out, plot)
-    truth, options = _model(known), _along(known)
-    scenario = Scenario(known.reference, options.pop("aiding"), options.pop("initial"))
+    truth = _model(known)
     found = design_filters(
+        known.scenario,
         truth,
-        scenario,
         max_accel=max_accel,
         max_gyro=max_gyro,
         max_states=max_states,
         objective=objective,
         max_steps=max_steps,
         progress=sys.stderr.isatty(),
-        **options,
     )
     best = found.best()
     filters = {"designed": best.errors, "truncated": best.naive, "right": truth}
@@ -259,13 +255,6 @@ def _model(config: Config) -> ImuErrors:
     if not isinstance(config.truth, ImuErrors):
         raise ValueError("[truth] is a recording, and covariances follow from a model: state one.")
     return config.truth
-
-
-def _along(config: Config) -> dict[str, Any]:
-    """Options of all covariance analyses: ten samples in a step unless the file says another number."""
-    run = config.run
-    every = run.given().get("every", 10)
-    return {"aiding": config.aiding, "initial": config.initial, "every": every, "earth": FlatEarth(run.gravity)}
 
 
 def _say(text: str) -> None:

@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 import jax
 from pydantic import BaseModel, ValidationError
 
-from nav_jax.aiding.base import AbstractAiding
 from nav_jax.app.sections import (
     AIDING,
     MOTIONS,
@@ -28,12 +27,12 @@ from nav_jax.app.sections import (
     TrajectoryFile,
 )
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
-from nav_jax.trajectory.trajectory import Trajectory
 
 T = TypeVar("T")
 AidingT = TypeVar("AidingT", bound=Aiding)
@@ -50,17 +49,15 @@ class Config:
 
     Attributes
     ----------
-    reference, truth, filters, aiding, initial
+    scenario, truth, filters
         Arguments of `nav_jax.compare`.
     run, output
         Sections of these names.
     """
 
-    reference: Trajectory
+    scenario: Scenario
     truth: ImuErrors | RecordedErrors
     filters: Mapping[str, ImuErrors]
-    aiding: Sequence[AbstractAiding]
-    initial: InitialUncertainty
     run: RunSection
     output: OutputSection
 
@@ -80,16 +77,13 @@ class Config:
         """
         run = self.run
         return compare(
-            self.reference,
+            self.scenario,
             self.truth,
             {name: f for name, f in self.filters.items() if not only or name in only},
-            aiding=self.aiding,
             num_runs=run.num_runs if num_runs is None else num_runs,
             key=jax.random.key(run.seed if seed is None else seed),
-            initial=self.initial,
-            earth=FlatEarth(run.gravity),
             progress=progress,
-            **{k: getattr(run, k) for k in ("gains", "every", "output_interval", "chunk_size", "workers")},
+            **{k: getattr(run, k) for k in ("gains", "chunk_size", "workers")},
         )
 
 
@@ -133,7 +127,8 @@ def _build(tables: Mapping[str, Any], folder: Path) -> Config:
             sensors.append(section.build())
     with place("[initial]"):
         initial = InitialUncertainty(**start.given())
-    return Config(reference, truth, known, sensors, initial, run, output)
+    scenario = Scenario(reference, sensors, initial, FlatEarth(run.gravity), run.every, run.output_interval)
+    return Config(scenario, truth, known, run, output)
 
 
 def _trajectory_section(table: Any) -> Any:

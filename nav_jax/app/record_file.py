@@ -31,6 +31,7 @@ from nav_jax.app.sections import (
     Speed,
 )
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.scenario import EVERY
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
@@ -89,7 +90,7 @@ FIXES: dict[str, Any] = {
 class RecordRunSection(Section):
     """Arguments of `nav_jax.tune`."""
 
-    every: Annotated[int, Field(ge=1)] = 10
+    every: Annotated[int, Field(ge=1)] = EVERY
     gravity: Acceleration = STANDARD_GRAVITY
 
 

@@ -7,4 +7,5 @@ from nav_jax.filter.experiment import prepare as prepare
 from nav_jax.filter.experiment import run_filter as run_filter
 from nav_jax.filter.experiment import run_keys as run_keys
 from nav_jax.filter.initial import InitialUncertainty as InitialUncertainty
+from nav_jax.filter.scenario import Scenario as Scenario
 from nav_jax.filter.status import Status as Status

@@ -4,7 +4,7 @@
 the parameters of the emulated errors, of the filter, of the aiding noise and of the initial covariance.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -15,13 +15,14 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int, Key
 
-from gmwm_jax._internal.checks import integer, number, of_kind
+from gmwm_jax._internal.checks import of_kind
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.ekf import NavState, inject
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.loop import reference_gains, run_estimate, run_reference
+from nav_jax.filter.scenario import Scenario, output_times
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
@@ -31,7 +32,7 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu, perfect_imu
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics import strapdown
-from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.linalg import factor
 from nav_jax.trajectory.trajectory import Trajectory
 
@@ -55,44 +56,23 @@ class Experiment(eqx.Module):
 class Setup:
     """An `Experiment` and what a host needs to name its results: times, reference, outages."""
 
-    def __init__(
-        self,
-        reference: Trajectory,
-        aiding: Sequence[AbstractAiding],
-        *,
-        rate: Real,
-        initial: InitialUncertainty,
-        earth: FlatEarth,
-        every: int,
-        output_interval: Real,
-    ):
-        of_kind("initial", initial, InitialUncertainty)
-        of_kind("earth", earth, FlatEarth)
-        self.imu, self.reference = perfect_imu(reference, rate, earth)
-        self.aiding = tuple(aiding)
-        self.rate = rate
-        every = integer("every", every, 1)
-        interval = number("output_interval", output_interval)
+    def __init__(self, scenario: Scenario, rate: Real):
+        of_kind("scenario", scenario, Scenario)
+        self.scenario, self.rate, self.aiding = scenario, rate, tuple(scenario.aiding)
+        self.imu, self.reference = perfect_imu(scenario.reference, rate, scenario.earth)
+        # resampled, it may end a little earlier
         epochs = self.reference.time
         start, end = float(epochs[0]), float(epochs[-1])
-        if interval > end - start:
-            raise ValueError(f"The output interval of {interval:g} s is longer than the run of {end - start:g} s.")
-        for s in self.aiding:
-            if not isinstance(s, AbstractAiding):
-                raise ValueError(f"Aiding is made of sensors such as GnssPosition, and {s!r} is none.")
-        names = [s.name for s in self.aiding]
-        if len(set(names)) < len(names):
-            raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
-        self.output_times = start + interval * np.arange(1, int(np.floor((end - start) / interval + 1e-9)) + 1)
+        self.output_times = output_times(start, end, scenario.output_interval)
         fix_times = [s.fixes(start, end) for s in self.aiding]
         used = [s.available(t) for s, t in zip(self.aiding, fix_times, strict=True)]
         self.fix_times = [t[u] for t, u in zip(fix_times, used, strict=True)]
         events = np.concatenate([self.output_times, *self.fix_times])
-        schedule = make_schedule(epochs, events, every)
+        schedule = make_schedule(epochs, events, scenario.every)
         numbers = np.split(schedule.event, np.cumsum([len(self.output_times), *map(len, self.fix_times)])[:-1])
         self.output_segments, self.fix_segments = numbers[0], numbers[1:]
         self.schedule = schedule
-        self.experiment = self._experiment(schedule, used, initial, earth)
+        self.experiment = self._experiment(schedule, used)
 
     @property
     def outages(self) -> dict[str, tuple[tuple[float, float], ...]]:
@@ -104,10 +84,8 @@ class Setup:
         """Sensor -> times of its fixes, in s."""
         return dict(zip((s.name for s in self.aiding), self.fix_times, strict=True))
 
-    def _experiment(
-        self, schedule: Schedule, used: list[np.ndarray], initial: InitialUncertainty, earth: FlatEarth
-    ) -> Experiment:
-        first = self.reference
+    def _experiment(self, schedule: Schedule, used: list[np.ndarray]) -> Experiment:
+        first, earth = self.reference, self.scenario.earth
         p, v, q = (jnp.asarray(a[:1].T) for a in (first.position, first.velocity, first.quaternion))
         return Experiment(
             timeline_of(
@@ -120,42 +98,31 @@ class Setup:
             ),
             self.aiding,
             NavState(p, v, q, jnp.zeros((0, 1))),
-            initial,
+            self.scenario.initial,
             tuple(jnp.asarray(np.stack([np.flatnonzero(u), s])) for u, s in zip(used, self.fix_segments, strict=True)),
             len(self.imu),
             tuple(len(u) for u in used),
         )
 
 
-def prepare(
-    reference: Trajectory,
-    aiding: Sequence[AbstractAiding],
-    *,
-    rate: Real,
-    initial: InitialUncertainty | None = None,
-    earth: FlatEarth | None = None,
-    every: int = 1,
-    output_interval: Real = 1.0,
-) -> Experiment:
+def prepare(scenario: Scenario, *, rate: Real) -> Experiment:
     """Prepare runs along a reference, for use inside JAX programs.
 
-    ``draw_inputs(experiment, truth, run_keys(key, 0, n))`` and ``run_filter(experiment, believed, inputs)`` are then
+    ``draw_inputs(experiment, truth, run_keys(key, 0, n))`` and ``run_filter(experiment, filter, inputs)`` are then
     pure functions of what they are given: they may be differentiated, in parameters of the emulated errors, of the
-    filter, of ``experiment.sensors`` and ``experiment.initial``. Parameters as in `nav_jax.compare`; `rate` is that of
-    the IMU.
+    filter, of ``experiment.sensors`` and ``experiment.initial``.
+
+    Parameters
+    ----------
+    scenario
+        Trajectory, aiding, start and Earth.
+    rate
+        Of the IMU in Hz.
     """
-    return Setup(
-        reference,
-        aiding,
-        rate=rate,
-        initial=InitialUncertainty() if initial is None else initial,
-        earth=FlatEarth() if earth is None else earth,
-        every=every,
-        output_interval=output_interval,
-    ).experiment
+    return Setup(scenario, rate).experiment
 
 
-def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], earth: FlatEarth) -> Truth:
+def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], earth: AbstractEarth) -> Truth:
     """The reference at any times: mechanised from the epoch before each."""
     step = (reference.time[-1] - reference.time[0]) / len(imu.time)
     position = (times - reference.time[0]) / step
@@ -192,9 +159,9 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
 
 
 @eqx.filter_jit
-def gains_of(experiment: Experiment, believed: ImuErrors, *, smooth: bool = False) -> Gains:
+def gains_of(experiment: Experiment, filter: ImuErrors, *, smooth: bool = False) -> Gains:
     """Covariance and gains of a filter along the reference; `smooth` for a smoother, which wants more of it."""
-    bank = believed.bank()
+    bank = filter.bank()
     start = experiment.start._replace(x=jnp.zeros((len(bank.states), 1)))
     P = start_covariance(experiment.initial, bank)
     return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, remember=smooth)
@@ -203,7 +170,7 @@ def gains_of(experiment: Experiment, believed: ImuErrors, *, smooth: bool = Fals
 @eqx.filter_jit
 def run_filter(
     experiment: Experiment,
-    believed: ImuErrors,
+    filter: ImuErrors,
     inputs: Inputs,
     gains: Gains | None = None,
     *,
@@ -216,7 +183,7 @@ def run_filter(
     ----------
     experiment
         What all runs share.
-    believed
+    filter
         What the filter believes of the sensor errors.
     inputs
         Of the runs, see `draw_inputs`.
@@ -227,7 +194,7 @@ def run_filter(
     smooth
         Judge the estimate of the smoother, from all measurements of the run; innovations are those of the filter.
     """
-    bank = believed.bank()
+    bank = filter.bank()
     num_runs = inputs.start.p.shape[1]
     inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), num_runs))))
     timeline, sensors = experiment.timeline, experiment.sensors
@@ -244,7 +211,27 @@ def run_keys(key: Key[Array, ""], first: int, last: int) -> Key[Array, " R"]:
     return jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(first, last, dtype=jnp.uint32))
 
 
-def check_rates(truth: Any, filters: dict[str, ImuErrors]) -> float:
+def named_filters(
+    truth: ImuErrors | RecordedErrors, filters: Mapping[str, ImuErrors] | ImuErrors | None
+) -> dict[str, ImuErrors]:
+    """Name -> what that filter believes: one filter alone is called ``filter``, and is the truth if none is given.
+
+    Raises
+    ------
+    ValueError
+        No filter; or none given, and a truth that is a recording.
+    """
+    if filters is None:
+        if isinstance(truth, RecordedErrors):
+            raise ValueError("Errors of a recording say nothing of a model: state what the filter believes.")
+        filters = truth
+    named = {"filter": filters} if isinstance(filters, ImuErrors) else dict(filters)
+    if not named:
+        raise ValueError("Give at least one filter: {name: ImuErrors}.")
+    return named
+
+
+def check_rates(truth: Any, filters: Mapping[str, ImuErrors]) -> float:
     """Return the rate that emulation and filters share, or raise."""
     if not isinstance(truth, ImuErrors | RecordedErrors):
         raise ValueError(f"truth is ImuErrors or RecordedErrors, and this is {truth!r}.")

@@ -35,7 +35,7 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
     """
     memory = outcome.memory
     if memory is None:
-        raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, believed, smooth=True).")
+        raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, filter, smooth=True).")
     state, P = smooth_events(timeline.valid, stacked(sensors)[0], outcome)
     lasting = jax.vmap(bank.errors)(outcome.state.x) - outcome.judgement.error[:, ON_CHANNELS]
 

@@ -14,7 +14,7 @@ from gmwm_jax._internal.checks import increasing, real_array, require_x64, sampl
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.rotation import SMALL_ROTATION
 from nav_jax.kinematics.strapdown import gamma1_inverse, step
 from nav_jax.trajectory.trajectory import Trajectory
@@ -98,7 +98,7 @@ class Imu:
 
 
 def perfect_imu(
-    trajectory: Trajectory, rate: Real | None = None, earth: FlatEarth | None = None
+    trajectory: Trajectory, rate: Real | None = None, earth: AbstractEarth | None = None
 ) -> tuple[Imu, Trajectory]:
     """Samples from which the mechanisation returns a trajectory, and what it returns.
 
@@ -148,7 +148,11 @@ def perfect_imu(
 
 @jax.jit
 def _solve(
-    p: Float[Array, "3 epochs"], v: Float[Array, "3 epochs"], q: Float[Array, "4 epochs"], dt: Scalar, earth: FlatEarth
+    p: Float[Array, "3 epochs"],
+    v: Float[Array, "3 epochs"],
+    q: Float[Array, "4 epochs"],
+    dt: Scalar,
+    earth: AbstractEarth,
 ) -> tuple[Array, Array, Array, Array]:
     """Body rates and specific forces (3, N), and the positions and velocities (3, N+1) that they lead to."""
     before = q[:, :-1]

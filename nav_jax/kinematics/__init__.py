@@ -1,3 +1,4 @@
 """Rotations, the Earth, the mechanisation of inertial sensors, and small matrices with runs as their last axis."""
 
+from nav_jax.kinematics.earth import AbstractEarth as AbstractEarth
 from nav_jax.kinematics.earth import FlatEarth as FlatEarth

@@ -4,6 +4,7 @@ The mechanisation asks its Earth for gravity at a position. `FlatEarth` answers 
 its place without a change elsewhere.
 """
 
+import abc
 from typing import Any
 
 import equinox as eqx
@@ -11,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._internal.checks import as_float, positive
+from gmwm_jax._internal.checks import as_float, concrete, positive
 from gmwm_jax._internal.typing import FloatLike, Scalar, Vector, Vectors
 
 STANDARD_GRAVITY = 9.80665
@@ -26,7 +27,15 @@ _EP2 = _E2 / (1 - _E2)
 Geodetic = Float64[np.ndarray, "3"]
 
 
-class FlatEarth(eqx.Module):
+class AbstractEarth(eqx.Module):
+    """What a mechanisation and an error model ask of an Earth."""
+
+    @abc.abstractmethod
+    def gravity_n(self, position: Vector) -> Vector:
+        """Gravity in n at a position, (3, ...) m/s^2."""
+
+
+class FlatEarth(AbstractEarth):
     """A flat Earth that does not rotate, with the same gravity everywhere.
 
     Parameters
@@ -51,10 +60,13 @@ class FlatEarth(eqx.Module):
         positive("gravity", gravity, zero_ok=True)
         self.gravity = as_float(gravity)
 
-    def gravity_n(self, position: Vector) -> Vector:
-        """Gravity in n at a position, (3, ...) m/s^2."""
+    def gravity_n(self, position: Vector) -> Vector:  # noqa: D102
         zero = jnp.zeros_like(position[0])
         return jnp.stack([zero, zero, zero + self.gravity])
+
+    def __repr__(self) -> str:
+        gravity = concrete(self.gravity)
+        return f"FlatEarth(gravity={'traced' if gravity is None else f'{float(gravity):.9g}'})"
 
 
 def ecef_from_geodetic(geodetic: Vectors) -> Vectors:

@@ -16,7 +16,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.typing import Quaternion, Vector
-from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.rotation import (
     alternating,
     cross,
@@ -99,7 +99,7 @@ def integrate(
     omega: Float[Array, "samples 3"],
     f: Float[Array, "samples 3"],
     dt: Float[Array, " samples"],
-    earth: FlatEarth,
+    earth: AbstractEarth,
 ) -> tuple[Float[Array, "epochs 3"], Float[Array, "epochs 3"], Float[Array, "epochs 4"]]:
     """Run `step` over all samples of one record, without any aiding.
 

@@ -14,5 +14,4 @@ from nav_jax.lincov.derivatives import Sensitivities as Sensitivities
 from nav_jax.lincov.derivatives import sensitivities as sensitivities
 from nav_jax.lincov.filter_design import Candidate as Candidate
 from nav_jax.lincov.filter_design import Design as Design
-from nav_jax.lincov.filter_design import Scenario as Scenario
 from nav_jax.lincov.filter_design import design as design

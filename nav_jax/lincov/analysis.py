@@ -1,7 +1,7 @@
 """Covariance analysis of filters: what a Monte Carlo estimates, exact to first order and at once."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,19 +11,16 @@ from jaxtyping import Float64
 
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.experiment import Setup, check_rates
+from nav_jax.filter.experiment import Setup, check_rates, named_filters
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS, channel_columns
+from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.lincov.covariance import Lincov, linear_covariance, motion_of
 from nav_jax.statistics.distributions import chi2_quantile, weighted_chi2_cdf
 from nav_jax.statistics.epochs import Judged
-from nav_jax.trajectory.trajectory import Trajectory
 
 _SINGULAR = 1e-13
 """Smallest eigenvalue of a matrix of correlations that is more than rounding."""
@@ -186,16 +183,11 @@ class Analysis(Mapping[str, Covariances], Drawable):
 
 
 def analyse(
-    reference: Trajectory,
-    truth: ImuErrors | RecordedErrors,
+    scenario: Scenario,
+    truth: ImuErrors,
     filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
     *,
-    aiding: Sequence[AbstractAiding],
-    initial: InitialUncertainty | None = None,
     believed_initial: InitialUncertainty | None = None,
-    every: int = 1,
-    output_interval: Real = 1.0,
-    earth: FlatEarth | None = None,
 ) -> Analysis:
     """True and claimed covariance of filters that believe other noise models than the truth, without random numbers.
 
@@ -203,36 +195,23 @@ def analyse(
 
     Parameters
     ----------
-    reference
-        The trajectory; resampled to the rate of the errors.
+    scenario
+        Trajectory, aiding, start and Earth.
     truth
         Errors of the IMU.
     filters
         Name -> what that filter believes, or one of them; the truth if not given.
-    aiding
-        `GnssPosition`, `GnssVelocity`, `Barometer`, with their true noise and what the filters believe of it.
-    initial
-        Uncertainty of the start; none if not given.
     believed_initial
-        What the filters believe of it; the same if not given.
-    every
-        Number of IMU samples in a covariance step.
-    output_interval
-        s between the epochs of the result.
-    earth
-        ``FlatEarth(gravity)``.
+        What the filters believe of the start; its true uncertainty if not given.
 
     Raises
     ------
     ValueError
-        A truth that is a recording or has a process without state-space form; rates that differ; as in `compare`.
+        A truth that is a recording or has a process without state-space form; rates that differ.
     """
     truth = model_of(truth)
-    if filters is None or isinstance(filters, ImuErrors):
-        filters = {"filter": truth if filters is None else filters}
-    setup = make_setup(
-        reference, truth, filters, aiding, initial, every=every, output_interval=output_interval, earth=earth
-    )
+    filters = named_filters(truth, filters)
+    setup = Setup(scenario, check_rates(truth, filters))
     motion = motion_of(setup.experiment)
     found = {
         name: covariances_of(
@@ -258,38 +237,6 @@ def model_of(truth: ImuErrors | RecordedErrors) -> ImuErrors:
     if not isinstance(truth, ImuErrors):
         raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
     return truth
-
-
-def make_setup(
-    reference: Trajectory,
-    truth: ImuErrors | RecordedErrors,
-    filters: Mapping[str, ImuErrors],
-    aiding: Sequence[AbstractAiding],
-    initial: InitialUncertainty | None,
-    *,
-    every: int,
-    output_interval: Real,
-    earth: FlatEarth | None,
-) -> Setup:
-    """What all covariance analyses start from; parameters as of `analyse`.
-
-    Raises
-    ------
-    ValueError
-        A truth that is a recording; no filter; as in `compare`.
-    """
-    truth = model_of(truth)
-    if not filters:
-        raise ValueError("Give at least one filter: {name: ImuErrors}.")
-    return Setup(
-        reference,
-        aiding,
-        rate=check_rates(truth, dict(filters)),
-        initial=InitialUncertainty() if initial is None else initial,
-        earth=FlatEarth() if earth is None else earth,
-        every=every,
-        output_interval=output_interval,
-    )
 
 
 def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:

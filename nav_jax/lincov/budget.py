@@ -4,7 +4,6 @@ With the gains of the filter the error is linear in all that is random, and the 
 moments add up to that of the error, exactly. All sources go through one compiled and vectorised program.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,20 +16,16 @@ from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.experiment import Experiment
-from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.experiment import Experiment, Setup, check_rates
 from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import shared_channels
+from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.bank import alone
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.kinematics.earth import FlatEarth
-from nav_jax.lincov.analysis import make_setup
+from nav_jax.lincov.analysis import model_of
 from nav_jax.lincov.covariance import Noise, covariances_of_many, motion_of, noise_of
 from nav_jax.statistics.epochs import Judged
-from nav_jax.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,17 +89,7 @@ class _Weights(eqx.Module):
     aiding: Float[Array, " K"]
 
 
-def error_budget(
-    reference: Trajectory,
-    truth: ImuErrors,
-    believed: ImuErrors | None = None,
-    *,
-    aiding: Sequence[AbstractAiding],
-    initial: InitialUncertainty | None = None,
-    every: int = 10,
-    output_interval: Real = 1.0,
-    earth: FlatEarth | None = None,
-) -> Budget:
+def error_budget(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None = None) -> Budget:
     """Split the mean square error of a filter into what each source of noise makes of it.
 
     Sources are the processes of accelerometers and gyros (of three axes together where they have one model), turn-on
@@ -112,9 +97,9 @@ def error_budget(
 
     Parameters
     ----------
-    reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`; the filter knows of its start what is true.
-    truth, believed
+    scenario
+        Trajectory, aiding, start and Earth; the filter knows of its start what is true.
+    truth, filter
         Errors of the IMU, and what the filter believes of them; the truth if not given.
 
     Raises
@@ -122,10 +107,9 @@ def error_budget(
     ValueError
         As of `nav_jax.analyse`; nothing is random.
     """
-    believed = truth if believed is None else believed
-    times: Any = {"every": every, "output_interval": output_interval}
-    filters = {"filter": believed}
-    setup = make_setup(reference, truth, filters, aiding, initial, earth=earth, **times)
+    truth = model_of(truth)
+    believed = truth if filter is None else filter
+    setup = Setup(scenario, check_rates(truth, {"filter": believed}))
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
     noise, ours, motion = noise_of(experiment, truth), believed.bank(), motion_of(experiment)
     sources = _sources(experiment, truth, noise)

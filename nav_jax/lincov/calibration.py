@@ -18,18 +18,14 @@ from jaxtyping import Float64, Key
 from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.experiment import Setup
 from nav_jax.filter.layout import QUANTITIES
 from nav_jax.filter.parameters import ErrorLines
+from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.kinematics.earth import FlatEarth
-from nav_jax.lincov.analysis import make_setup
 from nav_jax.lincov.covariance import covariances_of_many, motion_of, noise_of
 from nav_jax.lincov.derivatives import rms_of
 from nav_jax.statistics.epochs import Judged
-from nav_jax.trajectory.trajectory import Trajectory
 
 _AT_ONCE = 16
 """Draws in one vectorised call."""
@@ -96,25 +92,20 @@ class CalibrationEffect(Judged, Drawable):
 
 
 def calibration_effect(
-    reference: Trajectory,
+    scenario: Scenario,
     accel: Any,
     gyro: Any,
     *,
     key: Key[Any, ""],
     num_draws: int = 200,
-    aiding: Sequence[AbstractAiding],
-    initial: InitialUncertainty | None = None,
-    every: int = 10,
-    output_interval: Real = 1.0,
-    earth: FlatEarth | None = None,
     **options: Any,
 ) -> CalibrationEffect:
     """From the covariance or the replicates of fits to intervals of the navigation error.
 
     Parameters
     ----------
-    reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`; the filter knows of its start what is true.
+    scenario
+        Trajectory, aiding, start and Earth; the filter knows of its start what is true.
     accel, gyro
         What `gmwm_jax` has found: a fit or its bootstrap, one for all axes, or three of them. Of a fit, parameters are
         drawn from the normal distribution of its estimates on the real line; of a bootstrap, its replicates are.
@@ -137,9 +128,7 @@ def calibration_effect(
     errors = ImuErrors([f.model for f in fits[:3]], [f.model for f in fits[3:]], _rate(fits), **options)
     lines = ErrorLines(errors)
     draws, covariance = _draws(lines, results, fits, key, num_draws)
-    times: Any = {"every": every, "output_interval": output_interval}
-    filters = {"filter": errors}
-    setup = make_setup(reference, errors, filters, aiding, initial, earth=earth, **times)
+    setup = Setup(scenario, errors.rate)
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
     motion, start = motion_of(experiment), experiment.initial
 

@@ -155,7 +155,7 @@ def noise_of(experiment: Experiment, truth: ImuErrors) -> Noise:
 def linear_covariance(
     experiment: Experiment,
     truth: ImuErrors,
-    believed: ImuErrors,
+    filter: ImuErrors,
     *,
     believed_initial: InitialUncertainty | None = None,
     motion: Motion | None = None,
@@ -166,7 +166,7 @@ def linear_covariance(
     ----------
     experiment
         See `prepare`; its sensors know the true noise and the standard deviations that the filter believes.
-    truth, believed
+    truth, filter
         Errors of the IMU as they are, and as the filter believes them. Either may be L of them, as ``jax.vmap(build)(
         parameters)`` gives them: with a leading axis of L in every array. All results have it then. That is as pure as
         ``jax.vmap(linear_covariance)``, and twice as fast, since it keeps the L filters as the last axis.
@@ -182,9 +182,9 @@ def linear_covariance(
     """
     motion = motion_of(experiment) if motion is None else motion
     initial = experiment.initial if believed_initial is None else believed_initial
-    several = [e.bias_sd.ndim == 2 for e in (truth, believed)]
+    several = [e.bias_sd.ndim == 2 for e in (truth, filter)]
     noises = jax.vmap(lambda t: noise_of(experiment, t))(truth) if several[0] else alone(noise_of(experiment, truth))
-    ours = jax.vmap(lambda f: f.bank())(believed) if several[1] else alone(believed.bank())
+    ours = jax.vmap(lambda f: f.bank())(filter) if several[1] else alone(filter.bank())
     found = covariances_of_many(experiment, motion, noises, ours, initial)
     return found if any(several) else jax.tree.map(lambda a: a[0], found)
 

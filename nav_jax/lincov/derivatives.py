@@ -4,7 +4,6 @@ Of the truth, and of what the filter believes, separately. Where the filter beli
 the derivatives by what it believes vanish, and only those by the truth remain.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,19 +16,16 @@ from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.experiment import Experiment
+from nav_jax.filter.experiment import Experiment, Setup, check_rates
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import AidingLines, ErrorLines
+from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.kinematics.linalg import root
-from nav_jax.lincov.analysis import make_setup
+from nav_jax.lincov.analysis import model_of
 from nav_jax.lincov.covariance import Noise, covariances_along, motion_of, noise_of
 from nav_jax.statistics.epochs import Judged
-from nav_jax.trajectory.trajectory import Trajectory
 
 
 def rms_of(navigation: Float[Array, "*L E nav nav"]) -> Float[Array, "*L Q E"]:
@@ -138,24 +134,14 @@ class _Problem:
         return eqx.tree_at(lambda a: a.forms, noise.aiding, tuple(forms))
 
 
-def sensitivities(
-    reference: Trajectory,
-    truth: ImuErrors,
-    believed: ImuErrors | None = None,
-    *,
-    aiding: Sequence[AbstractAiding],
-    initial: InitialUncertainty | None = None,
-    every: int = 10,
-    output_interval: Real = 1.0,
-    earth: FlatEarth | None = None,
-) -> Sensitivities:
+def sensitivities(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None = None) -> Sensitivities:
     """Differentiate the true RMS errors of a filter by every parameter of the truth and of the filter.
 
     Parameters
     ----------
-    reference, aiding, initial, every, output_interval, earth
-        See `nav_jax.analyse`; the filter knows of its start what is true.
-    truth, believed
+    scenario
+        Trajectory, aiding, start and Earth; the filter knows of its start what is true.
+    truth, filter
         Errors of the IMU, and what the filter believes of them; the truth if not given.
 
     Raises
@@ -163,10 +149,9 @@ def sensitivities(
     ValueError
         As of `nav_jax.analyse`.
     """
-    believed = truth if believed is None else believed
-    times: Any = {"every": every, "output_interval": output_interval}
-    filters = {"filter": believed}
-    setup = make_setup(reference, truth, filters, aiding, initial, earth=earth, **times)
+    truth = model_of(truth)
+    believed = truth if filter is None else filter
+    setup = Setup(scenario, check_rates(truth, {"filter": believed}))
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
     motion, problem = motion_of(experiment), _Problem(experiment, truth, believed)
 

@@ -12,7 +12,7 @@ one after the other, smaller ones first: each search also starts from the best s
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -24,40 +24,18 @@ from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.experiment import Setup
+from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.lincov._family import Family, Structure
 from nav_jax.lincov._search import Course, Ended, Search
-from nav_jax.lincov.analysis import Analysis, Covariances, analyse, make_setup, model_of
+from nav_jax.lincov.analysis import Covariances, analyse, model_of
 from nav_jax.lincov.covariance import motion_of, noise_of
 from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.statistics.epochs import inside_outages
-from nav_jax.trajectory.trajectory import Trajectory
 
 OBJECTIVES = ("score", "error")
-
-
-@dataclass(frozen=True, eq=False)
-class Scenario:
-    """A trajectory with its aiding, along which filters are judged.
-
-    Attributes
-    ----------
-    reference
-        The trajectory.
-    aiding
-        Sensors, with the outages that matter.
-    initial
-        Uncertainty of the start; none if not given.
-    """
-
-    reference: Trajectory
-    aiding: Sequence[AbstractAiding]
-    initial: InitialUncertainty | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,19 +150,7 @@ class Design(Drawable):
         c = self.best() if candidate is None else candidate
         filters = {"designed": c.errors, "truncated": c.naive, "right": self.truth}
         filters = {name: f for name, f in filters.items() if f is not None}
-        return tuple(
-            compare(
-                s.reference,
-                self.truth,
-                filters,
-                aiding=s.aiding,
-                initial=s.initial,
-                num_runs=num_runs,
-                key=key,
-                **options,
-            )
-            for s in self.scenarios
-        )
+        return tuple(compare(s, self.truth, filters, num_runs=num_runs, key=key, **options) for s in self.scenarios)
 
     def table(self) -> str:
         """States against error, at the judged epoch of each scenario (root mean square over the scenarios)."""
@@ -219,8 +185,8 @@ class Design(Drawable):
 
 
 def design(
+    scenario: Scenario | Sequence[Scenario],
     truth: ImuErrors,
-    scenarios: Any,
     *,
     max_accel: int = 2,
     max_gyro: int = 2,
@@ -228,10 +194,7 @@ def design(
     objective: str = "score",
     num_starts: int = 1,
     max_steps: int = 60,
-    every: int = 10,
-    output_interval: Real = 1.0,
     progress: bool = False,
-    earth: FlatEarth | None = None,
 ) -> Design:
     """Find the best filter of each structure WN + k GM an axis, by its true error along trajectories.
 
@@ -240,11 +203,11 @@ def design(
 
     Parameters
     ----------
+    scenario
+        Trajectory, aiding, start and Earth; one or a sequence of them. Epochs in outages count, their ends with them;
+        all where there is none.
     truth
         Errors of the IMU.
-    scenarios
-        One `Scenario` or a sequence of them, trajectories with aiding. Epochs in outages count, their ends with them;
-        all where there is none.
     max_accel, max_gyro
         Most Gauss-Markov processes on an axis.
     max_states
@@ -255,8 +218,6 @@ def design(
         Searches of each structure from the best parts of the truth; one more starts from the best smaller structure.
     max_steps
         Of each search.
-    every, output_interval, earth
-        See `nav_jax.analyse`.
     progress
         Show a progress bar of structures (needs the extra ``app``).
 
@@ -268,10 +229,10 @@ def design(
         Before the first structure was done.
     """
     truth = model_of(truth)
-    scenarios = (scenarios,) if isinstance(scenarios, Scenario) else scenarios
-    if not isinstance(scenarios, Sequence) or not all(isinstance(s, Scenario) for s in scenarios):
-        raise ValueError(f"Scenarios are wanted, Scenario(reference, aiding, initial), and this is {scenarios!r}.")
-    scenarios = tuple(scenarios)
+    listed = (scenario,) if isinstance(scenario, Scenario) else scenario
+    if not isinstance(listed, Sequence) or not all(isinstance(s, Scenario) for s in listed):
+        raise ValueError(f"Scenarios are wanted, Scenario(reference, aiding, initial), and this is {scenario!r}.")
+    scenarios = tuple(listed)
     if not scenarios:
         raise ValueError("Give at least one scenario.")
     if objective not in OBJECTIVES:
@@ -285,8 +246,7 @@ def design(
     ]
     if not structures:
         raise ValueError(f"No structure has {max_states} sensor states or fewer.")
-    times: Any = {"every": every, "output_interval": output_interval, "earth": earth}
-    courses = tuple(_course(s, truth, times) for s in scenarios)
+    courses = tuple(_course(s, truth) for s in scenarios)
     search = Search(courses, family, objective, num_starts, max_steps)
     found: dict[Structure, Ended] = {}
     bar = progress_bar(len(structures), "structure", progress)
@@ -299,19 +259,17 @@ def design(
             raise
     finally:
         bar.close()
-    candidates = [_candidate(family, scenarios, times, s, ended) for s, ended in found.items()]
+    candidates = [_candidate(family, scenarios, s, ended) for s, ended in found.items()]
     candidates.sort(key=lambda c: (c.num_states, c.loss))
-    right = tuple(_analysis(c, truth, {"right": truth}, times)["right"] for c in scenarios)
+    right = tuple(analyse(s, truth, {"right": truth})["right"] for s in scenarios)
     return Design(tuple(candidates), right, objective, truth, scenarios, complete=len(found) == len(structures))
 
 
-def _candidate(
-    family: Family, scenarios: Sequence[Scenario], times: Mapping[str, Any], structure: Structure, ended: Ended
-) -> Candidate:
+def _candidate(family: Family, scenarios: Sequence[Scenario], structure: Structure, ended: Ended) -> Candidate:
     errors = family.errors(ended.best, structure)
     naive = None if ended.naive is None else family.errors(ended.naive, structure)
     filters = {"designed": errors} | ({} if naive is None else {"truncated": naive})
-    found = [_analysis(s, family.truth, filters, times) for s in scenarios]
+    found = [analyse(s, family.truth, filters) for s in scenarios]
     return Candidate(
         *structure,
         family.num_states(structure),
@@ -325,21 +283,14 @@ def _candidate(
     )
 
 
-def _course(scenario: Scenario, truth: ImuErrors, times: Mapping[str, Any]) -> Course:
-    filters = {"filter": truth}
-    setup = make_setup(scenario.reference, truth, filters, scenario.aiding, scenario.initial, **times)
+def _course(scenario: Scenario, truth: ImuErrors) -> Course:
+    setup = Setup(scenario, truth.rate)
     time = setup.output_times
     inside = inside_outages(time, setup.outages, setup.fixes) if setup.outages else np.full(len(time), True)
     if not inside.any():
         raise ValueError("An outage has no epoch inside: give a shorter output_interval.")
     segments = jnp.asarray(setup.output_segments[inside])
     return Course(setup.experiment, motion_of(setup.experiment), noise_of(setup.experiment, truth), segments)
-
-
-def _analysis(
-    scenario: Scenario, truth: ImuErrors, filters: Mapping[str, ImuErrors], times: Mapping[str, Any]
-) -> Analysis:
-    return analyse(scenario.reference, truth, filters, aiding=scenario.aiding, initial=scenario.initial, **times)
 
 
 def judged(covariances: Sequence[Covariances]) -> tuple[float, float, float]:

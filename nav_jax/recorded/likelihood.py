@@ -55,21 +55,21 @@ class Model(eqx.Module):
 
 
 def innovations(
-    record: Record, errors: ImuErrors, sensors: tuple[AbstractAiding, ...]
+    record: Record, filter: ImuErrors, sensors: tuple[AbstractAiding, ...]
 ) -> tuple[Float[Array, "M K"], Float[Array, "M K"]]:
     """Innovations of the filter, each given those before it, and their variances; 0 and 1 where there are none."""
-    outcome = run_record(record.timeline, sensors, record.inputs, errors, record.initial)
+    outcome = run_record(record.timeline, sensors, record.inputs, filter, record.initial)
     is_fix = record.timeline.valid > 0
     nu, s = outcome.innovation[:, :, 0], outcome.variance[:, :, 0]
     return jnp.where(is_fix, nu, 0.0), jnp.where(is_fix, s, 1.0)
 
 
-def innovation_loss(record: Record, errors: ImuErrors, sensors: tuple[AbstractAiding, ...]) -> Float[Array, ""]:
+def innovation_loss(record: Record, filter: ImuErrors, sensors: tuple[AbstractAiding, ...]) -> Float[Array, ""]:
     """Minus the logarithm of the likelihood of the innovations, less a constant.
 
-    Pure and differentiable in every parameter of `errors` and in the standard deviations that `sensors` believe.
+    Pure and differentiable in every parameter of `filter` and in the standard deviations that `sensors` believe.
     """
-    nu, s = innovations(record, errors, sensors)
+    nu, s = innovations(record, filter, sensors)
     return 0.5 * jnp.sum(nu**2 / s + jnp.log(s))
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, Int
 
-from gmwm_jax._internal.checks import integer, number, of_kind, real_array
+from gmwm_jax._internal.checks import integer, of_kind, real_array
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -19,6 +19,7 @@ from nav_jax.filter.ekf import NavState
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.loop import run_estimate
+from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL, output_times, require_names
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
@@ -28,7 +29,7 @@ from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import GivenErrors
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
-from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.trajectory.trajectory import Trajectory
 
 
@@ -93,32 +94,25 @@ class Prepared(NamedTuple):
 def prepare_navigation(
     imu: Imu,
     aiding: Sequence[Fixes],
-    errors: ImuErrors,
+    filter: ImuErrors,
     *,
     position: Any,
     velocity: Any,
     quaternion: Any,
     every: int,
     output_interval: Real,
-    earth: FlatEarth | None,
+    earth: AbstractEarth,
 ) -> Prepared:
     """Check and arrange a record; parameters and errors as of `navigate`."""
-    if abs(errors.rate / imu.rate - 1) > 1e-6:
+    if abs(filter.rate / imu.rate - 1) > 1e-6:
         raise ValueError(
-            f"The errors belong to {errors.rate:g} Hz and the record to {imu.rate:g} Hz: use at_rate({imu.rate:g})."
+            f"The errors belong to {filter.rate:g} Hz and the record to {imu.rate:g} Hz: use at_rate({imu.rate:g})."
         )
     sensors = tuple(f.sensor for f in aiding)
-    names = [s.name for s in sensors]
-    if len(set(names)) < len(names):
-        raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
-    earth = FlatEarth() if earth is None else earth
-    of_kind("earth", earth, FlatEarth)
+    require_names([s.name for s in sensors])
+    of_kind("earth", earth, AbstractEarth)
     epochs = imu.epochs
-    interval = number("output_interval", output_interval)
-    count = int(np.floor((epochs[-1] - epochs[0]) / interval + 1e-9))
-    if not count:
-        raise ValueError(f"The output interval of {interval:g} s is longer than the record of {imu.duration:g} s.")
-    times = epochs[0] + interval * np.arange(1, count + 1)
+    times = output_times(float(epochs[0]), float(epochs[-1]), output_interval, "record")
     schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
     lengths = [len(times), *(len(f.time) for f in aiding)]
     outputs, *fixes = np.split(schedule.event, np.cumsum(lengths)[:-1])
@@ -147,14 +141,14 @@ def run_record(
     timeline: Timeline,
     sensors: tuple[AbstractAiding, ...],
     inputs: Inputs,
-    errors: ImuErrors,
+    filter: ImuErrors,
     initial: InitialUncertainty,
     *,
     trace: bool = False,
     smooth: bool = False,
 ) -> Outcome:
     """Run the filter over a prepared record."""
-    bank = errors.bank()
+    bank = filter.bank()
     inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), 1))))
     P = start_covariance(initial, bank)
     outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)
@@ -164,15 +158,15 @@ def run_record(
 def navigate(
     imu: Imu,
     aiding: Sequence[Fixes],
-    errors: ImuErrors,
+    filter: ImuErrors,
     *,
     position: Any,
     velocity: Any,
     quaternion: Any,
     initial: InitialUncertainty,
-    every: int = 1,
-    output_interval: Real = 1.0,
-    earth: FlatEarth | None = None,
+    every: int = EVERY,
+    output_interval: Real = OUTPUT_INTERVAL,
+    earth: AbstractEarth | None = None,
     smooth: bool = False,
     throw: bool = True,
 ) -> Navigation:
@@ -184,8 +178,8 @@ def navigate(
         The record.
     aiding
         Fixes of each sensor; may be empty (free inertial navigation).
-    errors
-        What the filter believes of the errors of the IMU; their rate must be that of the record.
+    filter
+        What it believes of the errors of the IMU; their rate must be that of the record.
     position, velocity, quaternion
         The start: NED in m and m/s, q_nb scalar-first.
     initial
@@ -195,7 +189,7 @@ def navigate(
     output_interval
         s between the epochs of standard deviations.
     earth
-        ``FlatEarth(gravity)``.
+        Gravity; a `FlatEarth` unless given.
     smooth
         Give the estimate of the fixed-interval smoother, from all fixes of the record, at every output and fix.
     throw
@@ -217,15 +211,15 @@ def navigate(
     done = prepare_navigation(
         imu,
         aiding,
-        errors,
+        filter,
         position=position,
         velocity=velocity,
         quaternion=quaternion,
         every=every,
         output_interval=output_interval,
-        earth=earth,
+        earth=FlatEarth() if earth is None else earth,
     )
-    outcome = run_record(done.timeline, done.sensors, done.inputs, errors, initial, trace=not smooth, smooth=smooth)
+    outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, trace=not smooth, smooth=smooth)
     outcome = jax.tree.map(lambda a: np.asarray(a)[..., 0], outcome)
     status = Status(int(outcome.status))
     if throw and status is not Status.ok:

@@ -21,9 +21,10 @@ from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.parameters import AidingLines, ErrorLines
+from nav_jax.filter.scenario import EVERY
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
-from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.recorded._search import Objective, search
 from nav_jax.recorded.likelihood import Model, Record
 from nav_jax.recorded.navigation import prepare_navigation
@@ -133,7 +134,7 @@ class Tuning(Drawable):
 def tune(
     imu: Imu,
     aiding: Sequence[Fixes],
-    errors: ImuErrors,
+    filter: ImuErrors,
     *,
     position: Any,
     velocity: Any,
@@ -143,8 +144,8 @@ def tune(
     hold: Sequence[str] = (),
     max_steps: int = 50,
     prior: Any = None,
-    every: int = 10,
-    earth: FlatEarth | None = None,
+    every: int = EVERY,
+    earth: AbstractEarth | None = None,
     level: float = 0.95,
     progress: bool = False,
 ) -> Tuning:
@@ -154,8 +155,9 @@ def tune(
     ----------
     imu, aiding, position, velocity, quaternion, initial, every, earth
         See `nav_jax.recorded.navigation`.
-    errors
-        Where the search starts, such as fits of a static recording; its structure is that of the result.
+    filter
+        What it believes where the search starts, such as fits of a static recording; its structure is that of the
+        result.
     tune_aiding
         Seek also the standard deviations that the filter believes of the aiding sensors.
     hold
@@ -193,16 +195,16 @@ def tune(
     done = prepare_navigation(
         imu,
         aiding,
-        errors,
+        filter,
         position=position,
         velocity=velocity,
         quaternion=quaternion,
         every=every,
         output_interval=imu.duration,
-        earth=earth,
+        earth=FlatEarth() if earth is None else earth,
     )
     record = Record(done.timeline, done.inputs, initial)
-    model = Model(ErrorLines(errors), AidingLines(done.sensors), tune_aiding)
+    model = Model(ErrorLines(filter), AidingLines(done.sensors), tune_aiding)
     names, size = model.names, len(model.names)
     if unknown := sorted(set(hold) - set(names)):
         raise ValueError(f"There is no parameter {unknown[0]!r} to hold; there are {', '.join(names)}.")

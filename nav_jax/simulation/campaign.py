@@ -5,6 +5,7 @@ releases the interpreter while it computes), so that the covariances of a chunk 
 numbers of a run depend on its key alone.
 """
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
@@ -14,20 +15,24 @@ import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, typed_key
-from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.progress import progress_bar
-from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.experiment import GAINS, Setup, check_rates, draw_inputs, gains_of, run_filter, run_keys
-from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.experiment import (
+    GAINS,
+    Setup,
+    check_rates,
+    draw_inputs,
+    gains_of,
+    named_filters,
+    run_filter,
+    run_keys,
+)
 from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS
+from nav_jax.filter.scenario import Scenario
 from nav_jax.filter.status import Status
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs, Track
-from nav_jax.trajectory.trajectory import Trajectory
 
 _SIZES = range(64, 129, 8)
 """Runs in a chunk: whole vectors, and enough of them to pay for a step; more come back later when interrupted."""
@@ -36,28 +41,34 @@ _SMOOTHER_BYTES = 1_000_000_000
 
 
 def monte_carlo(
-    reference: Trajectory,
+    scenario: Scenario,
     truth: ImuErrors | RecordedErrors,
     filter: ImuErrors | None = None,
     *,
     name: str = "filter",
-    **options: Any,
+    num_runs: int,
+    key: Key[Any, ""],
+    gains: str = "estimate",
+    smooth: bool = False,
+    chunk_size: int | None = None,
+    workers: int | None = None,
+    keep: Iterable[int] = (),
+    progress: bool = False,
 ) -> Runs:
     """Run one filter many times along a reference, each time with new noise.
 
     Parameters
     ----------
-    reference
-        The trajectory.
+    scenario
+        Trajectory, aiding, start and Earth.
     truth
         Errors of the IMU that are emulated.
     filter
         What the filter believes of them; the truth if not given.
     name
         Of the filter in tables and figures.
-    options
-        ``aiding, num_runs, key, initial, gains, smooth, every, output_interval, earth, chunk_size, workers, keep,
-        progress``, see `compare`.
+    num_runs, key, gains, smooth, chunk_size, workers, keep, progress
+        See `compare`.
 
     Returns
     -------
@@ -68,29 +79,31 @@ def monte_carlo(
     ValueError
         As in `compare`.
     """
-    if filter is None:
-        if not isinstance(truth, ImuErrors):
-            raise ValueError(
-                "Errors of a recording say nothing of a model: state what the filter believes (filter=...)."
-            )
-        filter = truth
-    return compare(reference, truth, {name: filter}, **options).runs[name]
+    (believed,) = named_filters(truth, filter).values()
+    return compare(
+        scenario,
+        truth,
+        {name: believed},
+        num_runs=num_runs,
+        key=key,
+        gains=gains,
+        smooth=smooth,
+        chunk_size=chunk_size,
+        workers=workers,
+        keep=keep,
+        progress=progress,
+    ).runs[name]
 
 
 def compare(
-    reference: Trajectory,
+    scenario: Scenario,
     truth: ImuErrors | RecordedErrors,
-    filters: Mapping[str, ImuErrors],
+    filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
     *,
-    aiding: Sequence[AbstractAiding],
     num_runs: int,
     key: Key[Any, ""],
-    initial: InitialUncertainty | None = None,
     gains: str = "estimate",
     smooth: bool = False,
-    every: int = 1,
-    output_interval: Real = 1.0,
-    earth: FlatEarth | None = None,
     chunk_size: int | None = None,
     workers: int | None = None,
     keep: Iterable[int] = (),
@@ -100,36 +113,25 @@ def compare(
 
     Parameters
     ----------
-    reference
-        The trajectory; resampled to the rate of the errors.
+    scenario
+        Trajectory, aiding, start and Earth.
     truth
         Errors of the IMU that are emulated: a model, or a recording.
     filters
-        Name -> what that filter believes. Their rate must be that of the truth.
-    aiding
-        `GnssPosition`, `GnssVelocity`, `Barometer`; may be empty.
+        Name -> what that filter believes, or one of them; the truth if not given. Their rate must be that of the truth.
     num_runs
         Number of runs of each filter.
     key
         ``jax.random.key(seed)``. Run i has a key of its own whatever the number of runs.
-    initial
-        Uncertainty of the start, from which initial errors are drawn; none if not given.
     gains
         ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
         to first order in the errors and several times faster; not for errors so large that they bend the filter.
     smooth
         Judge the fixed-interval smoother, which uses all measurements of a run, in place of the filter.
-    every
-        Number of IMU samples in a covariance step; the transition is accumulated over all of them.
-    output_interval
-        s between the epochs at which errors and covariances are kept.
-    earth
-        ``FlatEarth(gravity)``.
     chunk_size
         Runs computed at once. It changes speed and memory, not the numbers.
     workers
-        Threads; as many as cores that the process may use (or as the environment variable ``GMWM_JAX_NUM_THREADS``
-        says) unless told otherwise, one on a GPU.
+        Threads; as many as there are cores unless told otherwise, one on a GPU.
     keep
         Numbers of runs whose whole trajectory is kept.
     progress
@@ -143,14 +145,13 @@ def compare(
     Raises
     ------
     ValueError
-        Rates that differ, outages outside the run, no fix at all, two sensors of one name, a number out of range;
-        trajectories to keep of a smoother.
+        Rates that differ, a recording as the truth and no filter, a number out of range; trajectories to keep of a
+        smoother.
     TypeError
         The key is an integer or of the old kind.
     """
     typed_key(key)
-    if not filters:
-        raise ValueError("Give at least one filter: {name: ImuErrors}.")
+    filters = named_filters(truth, filters)
     if gains not in GAINS:
         raise ValueError(f"gains is one of {', '.join(GAINS)}, and is {gains!r}.")
     num_runs = integer("num_runs", num_runs, 1)
@@ -159,18 +160,9 @@ def compare(
         raise ValueError("Trajectories that are kept are those of the filter: keep them without smooth=True.")
     if kept and kept[-1] >= num_runs:
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
-    initial = InitialUncertainty() if initial is None else initial
-    setup = Setup(
-        reference,
-        aiding,
-        rate=check_rates(truth, dict(filters)),
-        initial=initial,
-        earth=FlatEarth() if earth is None else earth,
-        every=every,
-        output_interval=output_interval,
-    )
+    setup = Setup(scenario, check_rates(truth, filters))
     on_cpu = jax.default_backend() == "cpu"
-    workers = (num_threads() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
+    workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
     if smooth and chunk_size is None and not on_reference:
@@ -254,6 +246,11 @@ def _smoothed_at_once(setup: Setup, num_states: int, workers: int) -> int:
     """Runs whose covariances and transitions a smoother can keep in memory."""
     each = 2 * 8 * setup.schedule.pattern.shape[0] * num_states**2
     return max(1, _SMOOTHER_BYTES // (each * workers))
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _outputs(setup: Setup, outcome: Any) -> tuple[Any, ...]:

@@ -134,8 +134,7 @@ def answers(monkeypatch, **results):
 def test_budget_computes_what_the_functions_do(config, tmp_path):
     result = call("budget", config, "--json", tmp_path / "a.json")
     known = read_config(config)
-    options = {"aiding": known.aiding, "initial": known.initial, "every": 10}
-    analysis = nj.analyse(known.reference, known.truth, known.filters, **options)
+    analysis = nj.analyse(known.scenario, known.truth, known.filters)
     assert result.stdout.startswith(f"{analysis!r}\n\nright: Error budget at 3 s")
     content = json.loads((tmp_path / "a.json").read_text())
     assert content["filters"]["right"]["position_rms"] == analysis["right"].rms("position")[2]
@@ -149,9 +148,9 @@ def test_budget_writes_tables_and_figures(config, tmp_path, monkeypatch):
     asked = answers(monkeypatch, analyse=make_analysis(), error_budget=b, sensitivities=s)
     stdout = call("budget", config, "--filter", "optimist", "--out", tmp_path / "out").stdout
     for name in ("error_budget", "sensitivities"):
-        (((_, truth, believed), options),) = asked[name]
+        (((scenario, truth, believed), _),) = asked[name]
         assert (len(truth.bank().states), len(believed.bank().states)) == (0, 18)
-        assert (options["every"], options["earth"].gravity, options["output_interval"]) == (4, 9.8, 1.0)
+        assert (scenario.every, scenario.earth.gravity, scenario.output_interval) == (4, 9.8, 1.0)
     files = {p.name: p.read_bytes() for p in (tmp_path / "out").iterdir()}
     assert sorted(files) == ["analysis.png", "budget.json", "budget.png", "budget.txt", "sensitivities.png"]
     assert all(name in stdout for name in files)
@@ -200,8 +199,8 @@ def test_a_design_is_confirmed_on_request(config, tmp_path, monkeypatch):
     asked = answers(monkeypatch, design_filters=d)
     options = ["--objective", "error", "--max-states", 6, "--confirm", 40, "--seed", 7, "--out", tmp_path / "out"]
     stdout = call("design", config, *options).stdout
-    (((_, scenario), named),) = asked["design_filters"]
-    assert (named["objective"], named["max_states"], named["max_accel"], named["every"]) == ("error", 6, 2, 10)
+    (((scenario, _), named),) = asked["design_filters"]
+    assert (named["objective"], named["max_states"], named["max_accel"], scenario.every) == ("error", 6, 2, 1)
     assert [s.name for s in scenario.aiding] == ["gnss_position"]
     ((filters, named),) = seen
     assert filters["designed"] is d.best().errors

@@ -94,9 +94,9 @@ def test_every_section_becomes_what_it_says(write):
     """Against the same comparison, written in Python with SI numbers."""
     config = read_config(write())
     reference = motions.lemniscate(6.0, 50.0, size=20.0, gravity=9.8056)
-    assert config.reference.name == "lemniscate"
+    assert config.scenario.reference.name == "lemniscate"
     for field in ("time", "position", "velocity", "quaternion"):
-        np.testing.assert_array_equal(getattr(config.reference, field), getattr(reference, field))
+        np.testing.assert_array_equal(getattr(config.scenario.reference, field), getattr(reference, field))
     deg = np.pi / 180
     gyro = [GYRO, "WN(sigma2=2e-6)", "WN(sigma2=3e-6)"]
     bias = np.array([1, 0, 2]) * deg / 3600
@@ -110,12 +110,14 @@ def test_every_section_becomes_what_it_says(write):
         GnssVelocity(2.0, horizontal=0.036, vertical=0.02, believed=(0.01, 0.02), first=1.0),
         Barometer(height=0.5, name="second barometer"),
     ]
-    for seen, expected in zip(config.aiding, aiding, strict=True):
+    for seen, expected in zip(config.scenario.aiding, aiding, strict=True):
         assert (seen.name, seen.rate, seen.first, seen.outages) == (
             expected.name, expected.rate, expected.first, expected.outages,
         )  # fmt: skip
         jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-14), seen, expected)
-    sd = np.sqrt(np.diag(config.initial.covariance))
+    assert float(config.scenario.earth.gravity) == 9.8056
+    assert (config.scenario.every, config.scenario.output_interval) == (5, 1.0)
+    sd = np.sqrt(np.diag(config.scenario.initial.covariance))
     np.testing.assert_allclose(sd, [1, 2, 3, 0, 0, 0, deg, deg, deg], rtol=1e-14)
     assert config.run.model_dump() == {
         "num_runs": 3, "seed": 7, "gains": "estimate", "every": 5, "output_interval": 1.0, "gravity": 9.8056,
@@ -131,7 +133,7 @@ def test_it_runs_what_it_says(write, monkeypatch):
 
     def recorded(*positional, **named):
         calls.append((positional, named))
-        return Comparison(config.reference, {"right": make_runs()})
+        return Comparison(config.scenario.reference, {"right": make_runs()})
 
     monkeypatch.setattr("nav_jax.app.comparison_file.compare", recorded)
     config.compare()
@@ -139,15 +141,13 @@ def test_it_runs_what_it_says(write, monkeypatch):
     for (positional, named), names, num_runs, seed, progress in zip(
         calls, (["right", "WN only"], ["WN only"]), (3, 2), (7, 1), (False, True), strict=True
     ):
-        reference, truth, filters = positional
-        assert (reference, truth) == (config.reference, config.truth)
+        scenario, truth, filters = positional
+        assert (scenario, truth) == (config.scenario, config.truth)
         assert list(filters) == names
         assert all(f is config.filters[name] for name, f in filters.items())
         assert named.pop("key") == jax.random.key(seed)
-        assert float(named.pop("earth").gravity) == 9.8056
         assert named == {
-            "aiding": config.aiding, "initial": config.initial, "num_runs": num_runs, "progress": progress, "every": 5,
-            "gains": "estimate", "output_interval": 1.0, "chunk_size": None, "workers": None,
+            "num_runs": num_runs, "progress": progress, "gains": "estimate", "chunk_size": None, "workers": None,
         }  # fmt: skip
 
 
@@ -159,7 +159,7 @@ def test_every_motion(write, name):
     attitude = {"static": 'euler = ["10 deg", 0, "1 rad"]', "lemniscate": 'attitude = "navigation"'}
     text = f'motion = "{name}"\n{default}\n{attitude.get(name, "attitude = [0, 0, 0.5]")}'
     old = 'motion = "lemniscate"\nduration = "0.1 min"\nsize = "20 m"'
-    reference = read_config(write(by={old: text, 'outages = [["4 s", 5]]': ""})).reference
+    reference = read_config(write(by={old: text, 'outages = [["4 s", 5]]': ""})).scenario.reference
     assert reference.rate == 50.0
     if name == "static":
         np.testing.assert_allclose(reference.euler[0], [np.pi / 18, 0, 1], atol=1e-12)
@@ -174,9 +174,9 @@ def test_a_trajectory_from_a_file(write, tmp_path):
     reference = motions.circle(6.0, 20.0, radius=30.0)
     save_trajectory(reference, tmp_path / "flight.csv")
     old = 'motion = "lemniscate"\nduration = "0.1 min"\nsize = "20 m"'
-    read = read_config(write(by={old: 'file = "flight.csv"'})).reference
+    read = read_config(write(by={old: 'file = "flight.csv"'})).scenario.reference
     np.testing.assert_allclose(read.position, reference.position, atol=1e-12)
-    smooth = read_config(write(by={old: 'file = "flight.csv"\nsmooth = "500 ms"'})).reference
+    smooth = read_config(write(by={old: 'file = "flight.csv"\nsmooth = "500 ms"'})).scenario.reference
     np.testing.assert_array_equal(smooth.position, read.smoothed(0.5).position)
     assert np.abs(smooth.position - read.position).max() > 0
 

@@ -252,9 +252,10 @@ def test_demo(tmp_path, monkeypatch):
     stdout = call("demo", "--fits", tmp_path / "fits", "--out", tmp_path / "out", "--num-runs", 3).stdout
     assert "Configuration, tables and figures are in" in stdout
     (config,) = seen
-    assert (config.run.num_runs, config.reference.duration, config.reference.rate) == (3, 300.0, 100.0)
+    reference = config.scenario.reference
+    assert (config.run.num_runs, reference.duration, reference.rate) == (3, 300.0, 100.0)
     assert list(config.filters) == ["fitted model", "WN + 1 GM", "WN only"]
-    assert [(s.name, s.outages) for s in config.aiding] == [
+    assert [(s.name, s.outages) for s in config.scenario.aiding] == [
         ("gnss_position", ((260.0, 300.0),)), ("gnss_velocity", ((260.0, 300.0),)), ("barometer", ()),
     ]  # fmt: skip
     for k, name in enumerate(("fitted model", "WN only", "WN + 1 GM")):

@@ -20,7 +20,7 @@ def quick(function):
 
 def test_exact_start_has_finite_derivatives():
     """Zero variances: of the start, and of states that start from zero."""
-    e = nj.filter.prepare(nj.motions.lemniscate(2.0, setups.RATE), setups.aiding(), rate=setups.RATE)
+    e = nj.filter.prepare(nj.Scenario(nj.motions.lemniscate(2.0, setups.RATE), setups.aiding()), rate=setups.RATE)
     keys = nj.filter.run_keys(jax.random.key(3), 0, 2)
 
     def of(white):
@@ -41,7 +41,7 @@ def test_reverse_mode_keeps_segments_not_steps():
     (6.7 MB were seen for 10 s and 8.5 MB for 80 s).
     """
 
-    e = nj.filter.prepare(nj.motions.lemniscate(80.0, 50.0), setups.aiding(), rate=50.0)
+    e = nj.filter.prepare(nj.Scenario(nj.motions.lemniscate(80.0, 50.0), setups.aiding()), rate=50.0)
     errors = nj.ImuErrors(gj.WN(1e-5), gj.WN(1e-6), 50.0)
     inputs = jax.eval_shape(lambda: nj.filter.draw_inputs(e, errors, nj.filter.run_keys(jax.random.key(3), 0, 16)))
 

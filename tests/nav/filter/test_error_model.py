@@ -256,7 +256,7 @@ def test_fewer_covariance_steps_make_the_same_covariance(rough):
     sd = []
     for every in (1, 10):
         with pytest.warns(nj.imu.NoisyReferenceWarning) if rough else contextlib.nullcontext():
-            e = nj.filter.prepare(reference, setups.aiding(8.0, 18.0), rate=100.0, initial=start, every=every)
+            e = nj.filter.prepare(nj.Scenario(reference, setups.aiding(8.0, 18.0), start, every=every), rate=100.0)
         sd.append(
             np.sqrt(np.diagonal(np.asarray(nj.filter.gains_of(e, errors).claim.navigation)[..., 0], axis1=1, axis2=2))
         )

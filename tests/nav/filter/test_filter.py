@@ -19,7 +19,7 @@ EARTH = nj.FlatEarth(setups.GRAVITY)
 
 
 def experiment(reference, aiding, **options):
-    return nj.filter.prepare(reference, aiding, rate=setups.RATE, earth=EARTH, **options)
+    return nj.filter.prepare(nj.Scenario(reference, aiding, earth=EARTH, **options), rate=setups.RATE)
 
 
 def white(scale=1.0):

@@ -57,7 +57,7 @@ def test_events_at_both_ends(every):
 @pytest.mark.parametrize("rate", [3.0, 7.0, 1 / 0.37])
 def test_no_fix_off_the_grid_is_lost(rate):
     """R uses 1 of 31 at 3 Hz, and 1 of 56 at 7 Hz."""
-    e = nj.filter.prepare(nj.motions.lemniscate(10.0, 100.0), setups.aiding(rate=rate), rate=100.0)
+    e = nj.filter.prepare(nj.Scenario(nj.motions.lemniscate(10.0, 100.0), setups.aiding(rate=rate)), rate=100.0)
     count = int(10 * rate + 1e-6)
     np.testing.assert_array_equal(np.asarray(e.timeline.valid).sum(axis=0), count)
     times = np.cumsum(np.asarray(e.timeline.dt)[np.asarray(e.timeline.pattern)].sum(axis=(1, 2)))

@@ -40,7 +40,7 @@ def textbook(Phi, P_after, H, R, valid, states):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return nj.filter.prepare(REFERENCE, AIDING, rate=setups.RATE, initial=START, every=10)
+    return nj.filter.prepare(nj.Scenario(REFERENCE, AIDING, START, every=10), rate=setups.RATE)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Sensitivities, error budget, effect of a calibration, design and tuning: each against a second computation."""
 
 import dataclasses
+import inspect
 
 import jax
 import jax.numpy as jnp
@@ -24,17 +25,17 @@ TRUTH = nj.ImuErrors(
     gyro_bias_sd=1e-4,
 )
 FEWER = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.01, 4e-5), gj.WN(1.5e-6), setups.RATE, gyro_bias_sd=1e-4)
-OPTIONS = {"aiding": AIDING, "initial": START, "every": 10}
+SCENARIO = nj.Scenario(REFERENCE, AIDING, START, every=10)
 
 
 @pytest.fixture(scope="module")
 def slopes():
-    return nj.sensitivities(REFERENCE, TRUTH, FEWER, **OPTIONS)
+    return nj.sensitivities(SCENARIO, TRUTH, FEWER)
 
 
 @pytest.fixture(scope="module")
 def budget():
-    return nj.error_budget(REFERENCE, TRUTH, FEWER, **OPTIONS)
+    return nj.error_budget(SCENARIO, TRUTH, FEWER)
 
 
 # -- parameters on the real line --------------------------------------------------------------------------------------
@@ -78,8 +79,9 @@ def test_a_channel_without_noise_has_no_lines():
 # -- sensitivities ----------------------------------------------------------------------------------------------------
 
 
-def rms(truth, believed, **changed):
-    c = nj.analyse(REFERENCE, truth, believed, **(OPTIONS | changed))["filter"]
+def rms(truth, believed, believed_initial=None, **changed):
+    scenario = dataclasses.replace(SCENARIO, **changed)
+    c = nj.analyse(scenario, truth, believed, believed_initial=believed_initial)["filter"]
     return np.linalg.norm(c.sd[-1, :2])
 
 
@@ -105,21 +107,18 @@ def test_sensitivities_are_differences_of_analyses(slopes, side, name):
 
 def test_sensitivity_to_a_partial_autocorrelation():
     """What is named is what is moved: both coefficients, by the recursion, as the first partial one alone changes."""
-    aiding, reference = setups.aiding(), nj.motions.lemniscate(3.0, setups.RATE)
-    options = {"aiding": aiding, "initial": START, "every": 10}
+    scenario = nj.Scenario(nj.motions.lemniscate(3.0, setups.RATE), setups.aiding(), START, every=10)
 
     def truth(z, r2=-0.4):
         r1 = np.tanh(z / 2)
         return nj.ImuErrors(gj.WN(0.0), gj.AR(2)(r1 * (1 - r2), r2, 1e-6), setups.RATE)
 
     z, h = 2 * np.arctanh(0.9), 1e-3
-    s = nj.sensitivities(reference, truth(z), FEWER, **options)
+    s = nj.sensitivities(scenario, truth(z), FEWER)
     assert [n for n, side in zip(s.names, s.sides, strict=True) if side == "truth"][:3] == [
         "gyro AR(2) phi partial 1", "gyro AR(2) phi partial 2", "gyro AR(2) sigma2",
     ]  # fmt: skip
-    high, low = (
-        nj.analyse(reference, truth(x), FEWER, **options)["filter"].rms("position")[-1] for x in (z + h, z - h)
-    )
+    high, low = (nj.analyse(scenario, truth(x), FEWER)["filter"].rms("position")[-1] for x in (z + h, z - h))
     assert s.derivative["position"][-1, 0] == pytest.approx((high - low) / (2 * h), rel=1e-4)
     assert np.isfinite(s.derivative["position"]).all()
 
@@ -145,7 +144,7 @@ def test_sensitivities_to_fixes_and_start(slopes):
 
 def test_where_the_filter_is_right_its_parameters_do_not_matter():
     """The gains are optimal: derivatives by what is believed vanish; only position counts, the last of many optima."""
-    s = nj.sensitivities(REFERENCE, TRUTH, **OPTIONS)
+    s = nj.sensitivities(SCENARIO, TRUTH)
     of_filter = np.array(s.sides) == "filter"
     d = np.abs(s.derivative["position"][-1])
     assert d[of_filter].max() < 1e-8 * d[~of_filter].max()
@@ -157,7 +156,7 @@ def test_where_the_filter_is_right_its_parameters_do_not_matter():
 
 def test_parts_add_up_to_the_whole(budget):
     """Every component at every epoch, 1e-9."""
-    whole = nj.analyse(REFERENCE, TRUTH, FEWER, **OPTIONS)["filter"].true
+    whole = nj.analyse(SCENARIO, TRUTH, FEWER)["filter"].true
     np.testing.assert_allclose(budget.part.sum(axis=0), np.diagonal(whole, axis1=1, axis2=2)[:, :9], rtol=1e-9)
     np.testing.assert_allclose(budget.share("tilt").sum(axis=0), 1.0, rtol=1e-12)
 
@@ -171,9 +170,8 @@ def test_a_part_is_an_analysis_without_the_others(budget):
         nj.Barometer(1.0, height=1e-9, believed=0.5),
     )
     truth = nj.ImuErrors(gj.WN(0.0), gj.WN(1.5e-6), setups.RATE)
-    alone = nj.analyse(
-        REFERENCE, truth, FEWER, aiding=quiet, initial=nj.InitialUncertainty(), believed_initial=START, every=10
-    )["filter"]
+    scenario = nj.Scenario(REFERENCE, quiet, every=10)
+    alone = nj.analyse(scenario, truth, FEWER, believed_initial=START)["filter"]
     (row,) = [i for i, name in enumerate(budget.sources) if name == "gyro white"]
     np.testing.assert_allclose(budget.part[row], alone.sd[:, :9] ** 2, rtol=1e-6, atol=1e-16)
 
@@ -185,7 +183,7 @@ def test_sources_have_names(budget):
     assert "all: RMS" in repr(budget)
     nothing = nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE)
     with pytest.raises(ValueError, match="no source of error"):
-        nj.error_budget(nj.motions.static(1.0, setups.RATE), nothing, TRUTH, aiding=(), every=10)
+        nj.error_budget(nj.Scenario(nj.motions.static(1.0, setups.RATE), every=10), nothing, TRUTH)
 
 
 def test_a_correlated_start_is_one_source():
@@ -193,7 +191,7 @@ def test_a_correlated_start_is_one_source():
     P[0, 3] = P[3, 0] = 5e-5
     start = nj.InitialUncertainty(covariance=P)
     b = nj.error_budget(
-        nj.motions.lemniscate(2.0, setups.RATE), FEWER, aiding=setups.aiding()[:1], initial=start, every=10
+        nj.Scenario(nj.motions.lemniscate(2.0, setups.RATE), setups.aiding()[:1], start, every=10), FEWER
     )
     assert [s for s in b.sources if s.startswith("start")] == ["start"]
 
@@ -216,9 +214,8 @@ def fits():
 def test_an_interval_of_the_navigation_error(fits):
     """The spread over draws is that of the delta method; the loss by not knowing is never negative."""
     accel, gyro = fits
-    options = {"aiding": setups.aiding(6.0, 10.0), "initial": START, "every": 10}
-    where = nj.motions.lemniscate(10.0, setups.RATE)
-    c = nj.calibration_effect(where, accel, gyro, key=jax.random.key(1), num_draws=64, **options)
+    scenario = nj.Scenario(nj.motions.lemniscate(10.0, setups.RATE), setups.aiding(6.0, 10.0), START, every=10)
+    c = nj.calibration_effect(scenario, accel, gyro, key=jax.random.key(1), num_draws=64)
     low, high = c.interval("position")
     assert np.all(low <= c.rms["position"])
     assert np.all(c.rms["position"] <= high)
@@ -236,11 +233,11 @@ def test_calibration_wants_fits(fits):
     unknown[1] = unknown[:, 1] = np.nan
     blind.__dict__["covariance"] = unknown  # the cached property
     with pytest.raises(ValueError, match="no standard error of accel GM beta"):
-        nj.calibration_effect(REFERENCE, blind, fits[1], key=jax.random.key(1), aiding=AIDING)
+        nj.calibration_effect(SCENARIO, blind, fits[1], key=jax.random.key(1))
     with pytest.raises(ValueError, match="A fit of gmwm_jax"):
-        nj.calibration_effect(REFERENCE, "WN", fits[1], key=jax.random.key(1), aiding=AIDING)
+        nj.calibration_effect(SCENARIO, "WN", fits[1], key=jax.random.key(1))
     with pytest.raises(ValueError, match="these are 2"):
-        nj.calibration_effect(REFERENCE, fits[:1] * 2, fits[1], key=jax.random.key(1), aiding=AIDING)
+        nj.calibration_effect(SCENARIO, fits[:1] * 2, fits[1], key=jax.random.key(1))
 
 
 # -- design -----------------------------------------------------------------------------------------------------------
@@ -249,8 +246,8 @@ def test_calibration_wants_fits(fits):
 @pytest.fixture(scope="module")
 def designed():
     """Filters with no or one process of the gyros, for a truth with one, and two of the accelerometers."""
-    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
-    return nj.design(TRUTH, scenario, max_accel=0, max_gyro=1, num_starts=1, every=20)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START, every=20)
+    return nj.design(scenario, TRUTH, max_accel=0, max_gyro=1, num_starts=1)
 
 
 def test_designed_filters_beat_parts_of_the_truth(designed):
@@ -299,8 +296,8 @@ def test_results_of_a_design(designed):
 def test_a_design_for_a_random_walk():
     """The truth is in the family: found, and named as what it is."""
     truth = nj.ImuErrors(gj.WN(6e-5) + gj.RW(1e-7), gj.WN(1.5e-6), setups.RATE)
-    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
-    d = nj.design(truth, scenario, max_accel=1, max_gyro=0, every=20)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START, every=20)
+    d = nj.design(scenario, truth, max_accel=1, max_gyro=0)
     white, walk = d.candidates
     assert walk.name == "1 RW accel, 0 GM gyro"
     k = walk.covariances[0].epoch()
@@ -314,8 +311,8 @@ def test_a_design_for_a_random_walk():
 def test_a_truth_of_higher_order_has_no_part_in_the_family():
     """Then there is nothing naive to compare with; more states do no harm."""
     truth = nj.ImuErrors(gj.WN(6e-5) + gj.MAT32(1e-4, 0.01), gj.WN(1.5e-6), setups.RATE)
-    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
-    d = nj.design(truth, scenario, max_accel=1, max_gyro=0, every=20)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START, every=20)
+    d = nj.design(scenario, truth, max_accel=1, max_gyro=0)
     assert [c.naive is None for c in d.candidates] == [False, True]
     assert d.candidates[1].covariances_naive == ()
     assert d.candidates[1].loss < d.candidates[0].loss
@@ -329,13 +326,14 @@ def test_a_truth_of_higher_order_has_no_part_in_the_family():
     ("options", "message"),
     [
         ({"objective": "beauty"}, "objective is one of score, error"),
-        ({"scenarios": ()}, "at least one scenario"),
-        ({"scenarios": nj.motions.static(2.0, setups.RATE)}, "Scenarios are wanted"),
+        ({"scenario": ()}, "at least one scenario"),
+        ({"scenario": (nj.motions.static(2.0, setups.RATE),)}, "Scenarios are wanted"),
         ({"num_starts": 0}, "num_starts"),
         ({"max_states": 2}, "No structure has 2"),
     ],
 )
 def test_a_design_needs_its_input(options, message):
     scenario = nj.Scenario(nj.motions.static(2.0, setups.RATE), (), START)
+    given = {"scenario": scenario, "truth": TRUTH} | options
     with pytest.raises(ValueError, match=message):
-        nj.design(TRUTH, **({"scenarios": scenario} | options))
+        inspect.unwrap(nj.design)(**given)  # below the type checks of the test run

@@ -1,5 +1,7 @@
 """Linear covariances: against closed forms, finite sums, Monte Carlo runs and central differences."""
 
+import inspect
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -29,6 +31,7 @@ FILTERS = {
         gj.WN(9e-5) + gj.GM(0.002, 2e-5) + gj.MAT32(0.01, 1e-6), gj.WN(2e-6) + gj.DR(1e-8), setups.RATE
     ),
 }
+SCENARIO = nj.Scenario(nj.motions.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), START, every=10)
 
 
 def correlation(P, scale=None):
@@ -39,16 +42,12 @@ def correlation(P, scale=None):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return nj.filter.prepare(
-        nj.motions.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), rate=setups.RATE, initial=START, every=10
-    )
+    return nj.filter.prepare(SCENARIO, rate=setups.RATE)
 
 
 @pytest.fixture(scope="module")
 def analysis():
-    return nj.analyse(
-        nj.motions.lemniscate(20.0, setups.RATE), TRUTH, FILTERS, aiding=setups.aiding(*OUTAGE), initial=START, every=10
-    )
+    return nj.analyse(SCENARIO, TRUTH, FILTERS)
 
 
 # -- what it must be ------------------------------------------------------------------------------------------------
@@ -60,9 +59,8 @@ def test_the_right_filter_claims_what_is_true(every):
     truth = nj.ImuErrors(
         gj.WN(6e-5) + gj.MAT32(0.01, 1e-5), gj.WN(1.5e-6) + gj.RW(1e-13) + gj.DR(1e-9), setups.RATE, accel_bias_sd=0.01
     )
-    e = nj.filter.prepare(
-        nj.motions.lemniscate(4.0, setups.RATE), setups.aiding(2.0, 3.0), rate=setups.RATE, initial=START, every=every
-    )
+    scenario = nj.Scenario(nj.motions.lemniscate(4.0, setups.RATE), setups.aiding(2.0, 3.0), START, every=every)
+    e = nj.filter.prepare(scenario, rate=setups.RATE)
     found = nj.lincov.linear_covariance(e, truth, truth)
     for true, claimed in zip(found.true, found.claimed, strict=True):
         np.testing.assert_allclose(correlation(true, claimed), correlation(claimed), rtol=0, atol=1e-9)
@@ -126,11 +124,8 @@ def test_unaided_and_at_rest_the_integrals_of_the_noise_come_out(case):
     accel, gyro = STILL[case]
     seconds, dt = 60.0, 1 / setups.RATE
     truth = nj.ImuErrors(accel, gyro, setups.RATE)
-    c = nj.analyse(
-        nj.motions.static(seconds, setups.RATE), truth, nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), setups.RATE),
-        aiding=(), every=1,
-        earth=nj.FlatEarth(setups.GRAVITY),
-    )["filter"]  # fmt: skip
+    scenario = nj.Scenario(nj.motions.static(seconds, setups.RATE), earth=nj.FlatEarth(setups.GRAVITY))
+    c = nj.analyse(scenario, truth, nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), setups.RATE))["filter"]
     model = gj.Composite((accel if case.startswith("accel") else gyro,))
     num = round(seconds * setups.RATE)
     variance = c.sd[-1] ** 2
@@ -313,21 +308,22 @@ def test_results_say_what_they_are(analysis):
 
 def test_states_of_what_is_not_there_are_noted():
     truth = nj.ImuErrors(gj.WN(1e-4), TRUTH.models[3], setups.RATE)
-    c = nj.analyse(nj.motions.static(1.0, setups.RATE), truth, FILTERS["fewer"], aiding=(), every=10)["filter"]
+    scenario = nj.Scenario(nj.motions.static(1.0, setups.RATE), every=10)
+    c = nj.analyse(scenario, truth, FILTERS["fewer"])["filter"]
     assert c.notes == ("The filter estimates errors of accel x, accel y, accel z, which truly are white or none.",)
     axis = gj.WN(1e-4) + gj.RW(1e-9)
     truth, believed = (nj.ImuErrors(a, gj.WN(1e-6), setups.RATE) for a in (axis, [axis + gj.GM(0.1, 1e-5), axis, axis]))
-    c = nj.analyse(nj.motions.static(1.0, setups.RATE), truth, believed, aiding=(), every=10)["filter"]
+    c = nj.analyse(scenario, truth, believed)["filter"]
     assert c.notes == ("The filter has more states for accel x than the truth, which cannot excite all.",)
 
 
 def test_a_start_that_is_known_has_no_nees():
-    c = nj.analyse(nj.motions.static(2.0, setups.RATE), TRUTH, aiding=(), every=10, output_interval=0.1)["filter"]
+    reference = nj.motions.static(2.0, setups.RATE)
+    c = nj.analyse(nj.Scenario(reference, every=10, output_interval=0.1), TRUTH)["filter"]
     # position is known exactly until noise has gone through twice
     assert np.isfinite(c.nees("velocity")).all()
-    c = nj.analyse(
-        nj.motions.static(2.0, setups.RATE), nj.ImuErrors(gj.WN(0.0), gj.WN(1e-6), setups.RATE), aiding=(), every=10
-    )["filter"]
+    quiet = nj.ImuErrors(gj.WN(0.0), gj.WN(1e-6), setups.RATE)
+    c = nj.analyse(nj.Scenario(reference, every=10), quiet)["filter"]
     assert np.isnan(c.nees("velocity")).all()
     assert np.isnan(c.coverage("navigation")).all()
 
@@ -346,5 +342,6 @@ def test_a_start_that_is_known_has_no_nees():
     ],
 )
 def test_bad_input(truth, filters, message):
+    scenario = nj.Scenario(nj.motions.static(2.0, setups.RATE), setups.aiding())
     with pytest.raises(ValueError, match=message):
-        nj.analyse(nj.motions.static(2.0, setups.RATE), truth, filters, aiding=setups.aiding())
+        inspect.unwrap(nj.analyse)(scenario, truth, filters)  # below the type checks of the test run

@@ -27,7 +27,7 @@ SENSORS = (
 @pytest.fixture(scope="module")
 def emulated():
     """One run of the Monte Carlo, what came of it, and the same numbers as arrays."""
-    e = nj.filter.prepare(REFERENCE, SENSORS, rate=setups.RATE, initial=START)
+    e = nj.filter.prepare(nj.Scenario(REFERENCE, SENSORS, START), rate=setups.RATE)
     inputs = nj.filter.draw_inputs(e, ERRORS, nj.filter.run_keys(jax.random.key(8), 0, 1))
     outcome = nj.filter.run_filter(e, ERRORS, inputs)
     perfect, truth = nj.perfect_imu(REFERENCE, setups.RATE)
@@ -49,8 +49,8 @@ def emulated():
 
 def navigate(emulated, **options):
     _, _, imu, aiding, start, *_ = emulated
-    given = {"imu": imu, "aiding": aiding, "errors": ERRORS, **start, "initial": START, **options}
-    return nj.navigate(given.pop("imu"), given.pop("aiding"), given.pop("errors"), **given)
+    given = {"imu": imu, "aiding": aiding, "filter": ERRORS, **start, "initial": START, **options}
+    return nj.navigate(given.pop("imu"), given.pop("aiding"), given.pop("filter"), **given)
 
 
 def test_it_is_the_run_of_the_monte_carlo(emulated):
@@ -113,7 +113,7 @@ def test_a_filter_that_fails_says_so(emulated):
     ("options", "message"),
     [
         ({"quaternion": np.array([1.0, 0.1, 0.0, 0.0])}, "length 1"),
-        ({"errors": ERRORS.at_rate(50.0)}, r"at_rate\(100\)"),
+        ({"filter": ERRORS.at_rate(50.0)}, r"at_rate\(100\)"),
         ({"position": np.zeros(2)}, "position"),
         ({"velocity": np.array([0.0, np.nan, 0.0])}, "velocity"),
         ({"every": 0}, "every"),
@@ -128,14 +128,14 @@ def test_bad_input(emulated, options, message):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"), [({"initial": 0.1}, "InitialUncertainty"), ({"earth": 9.8}, "FlatEarth")]
+    ("options", "message"), [({"initial": 0.1}, "InitialUncertainty"), ({"earth": 9.8}, "AbstractEarth")]
 )
 def test_a_start_or_an_earth_of_another_class(emulated, options, message, monkeypatch):
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # which is not there outside of tests
     with pytest.raises(ValueError, match=f"must be of the class {message}"):
         navigate(emulated, **options)
     with pytest.raises(ValueError, match=f"must be of the class {message}"):
-        nj.filter.prepare(REFERENCE, SENSORS, rate=setups.RATE, **options)
+        nj.Scenario(REFERENCE, SENSORS, **options)
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_slopes_are_those_of_differences(record):
     """Gradient 1e-5 by central differences of fourth order; the information is about the curvature."""
     imu, fixes, start = record
     initial = start.pop("initial")
-    done = prepare_navigation(imu, fixes, TRUTH, every=10, output_interval=SECONDS, earth=None, **start)
+    done = prepare_navigation(imu, fixes, TRUTH, every=10, output_interval=SECONDS, earth=nj.FlatEarth(), **start)
     start["initial"] = initial
     record = Record(done.timeline, done.inputs, initial)
     model = Model(ErrorLines(TRUTH), AidingLines(done.sensors), with_aiding=False)
@@ -184,7 +184,7 @@ def test_of_two_equal_processes_one_is_given_up(record):
 
 
 def objective_of(imu, fixes, errors, initial, **start):
-    done = prepare_navigation(imu, fixes, errors, every=10, output_interval=SECONDS, earth=None, **start)
+    done = prepare_navigation(imu, fixes, errors, every=10, output_interval=SECONDS, earth=nj.FlatEarth(), **start)
     lines = ErrorLines(errors)
     penalty = np.zeros((len(lines.names),) * 2)
     return Objective(
@@ -334,7 +334,7 @@ def test_partial_autocorrelations_have_their_own_lines(record):
     ("options", "message"),
     [
         ({"initial": None}, "initial must be of the class InitialUncertainty"),
-        ({"earth": 9.8}, "earth must be of the class FlatEarth"),
+        ({"earth": 9.8}, "earth must be of the class AbstractEarth"),
     ],
 )
 def test_objects_of_another_class(record, options, message, monkeypatch):

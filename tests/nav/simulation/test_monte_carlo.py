@@ -26,10 +26,12 @@ MONTE_CARLO = sys.modules["nav_jax.simulation.campaign"]
 """Whose name in the package is that of the function in it."""
 
 
-def compare(filters=None, *, truth=RIGHT, reference=REFERENCE, **options):
+SCENARIO = nj.Scenario(REFERENCE, AIDING, START)
+
+
+def compare(filters=None, *, truth=RIGHT, scenario=SCENARIO, **options):
     filters = {"right": RIGHT, "wrong": WRONG} if filters is None else filters
-    chosen = {"aiding": AIDING, "num_runs": 7, "key": KEY, "initial": START, **options}
-    return nj.compare(reference, truth, filters, **chosen).runs
+    return nj.compare(scenario, truth, filters, **({"num_runs": 7, "key": KEY} | options)).runs
 
 
 @pytest.fixture(scope="module")
@@ -80,11 +82,11 @@ def test_another_key_makes_other_runs(seven):
 
 
 def test_one_filter_alone(seven):
-    runs = nj.monte_carlo(REFERENCE, RIGHT, aiding=AIDING, num_runs=7, key=KEY, initial=START, chunk_size=7)
+    runs = nj.monte_carlo(SCENARIO, RIGHT, num_runs=7, key=KEY, chunk_size=7)
     assert_same(runs, seven["right"])
     assert runs.name == "filter"
     with pytest.raises(ValueError, match="state what the filter believes"):
-        nj.monte_carlo(REFERENCE, recorded(600), aiding=AIDING, num_runs=2, key=KEY)
+        nj.monte_carlo(SCENARIO, recorded(600), num_runs=2, key=KEY)
 
 
 def test_outputs_are_where_they_were_asked_for(seven):
@@ -160,11 +162,12 @@ def test_nothing_is_compiled_twice(monkeypatch):
     monkeypatch.setattr(filter, "mechanise_with_motion", counted)
     # a structure that no other test of this file has
     aiding = (nj.GnssPosition(1.0, horizontal=0.3, vertical=0.5, name="only"),)
-    compare({"a": RIGHT}, aiding=aiding)
+    compare({"a": RIGHT}, scenario=nj.Scenario(REFERENCE, aiding, START))
     first = counted.count
     assert first > 0
     other = nj.ImuErrors(gj.WN(5e-5) + gj.AR1(0.99, 2e-8), gj.WN(1e-6), setups.RATE)
-    compare({"b": other}, truth=other, aiding=aiding, key=jax.random.key(9), initial=nj.InitialUncertainty(0.2))
+    scenario = nj.Scenario(REFERENCE, aiding, nj.InitialUncertainty(0.2))
+    compare({"b": other}, truth=other, scenario=scenario, key=jax.random.key(9))
     assert counted.count == first
 
 
@@ -190,46 +193,39 @@ OTHER_RATE = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), 50.0)
     [
         ({"filters": {"slow": OTHER_RATE}}, "belongs to 50 Hz.*100 Hz"),
         ({"filters": {}}, "at least one filter"),
-        ({"aiding": setups.aiding(3.0, 7.0)}, "outage 3 to 7 s.*outside the run"),
-        ({"aiding": setups.aiding(0.5, 5.0)}, "lie in its outages"),
-        ({"aiding": setups.aiding(rate=0.1)}, "no fix"),
-        ({"aiding": (AIDING[0], AIDING[0])}, "one name"),
         ({"num_runs": 0}, "num_runs"),
         ({"num_runs": -3}, "num_runs"),
-        ({"every": 0}, "every"),
         ({"chunk_size": -1}, "chunk_size"),
         ({"workers": -1}, "workers"),
-        ({"output_interval": 0.0}, "output_interval"),
-        ({"output_interval": 6.0}, "longer than the run"),
         ({"gains": "magic"}, "gains is one of"),
         ({"keep": (7,)}, "cannot be kept"),
         ({"keep": (1,), "smooth": True}, "are those of the filter"),
         ({"truth": recorded(300)}, "recording has 300 samples"),
+        ({"truth": recorded(600), "filters": None}, "state what the filter believes"),
     ],
 )
 def test_bad_input(options, message):
     """Below the type checks of the test run, which users do not have."""
-    given = {"truth": RIGHT, "filters": {"right": RIGHT}, "aiding": AIDING, "num_runs": 7, "key": KEY, **options}
+    given = {"scenario": SCENARIO, "truth": RIGHT, "filters": {"right": RIGHT}, "num_runs": 7, "key": KEY, **options}
     with pytest.raises(ValueError, match=message):
-        inspect.unwrap(nj.compare)(REFERENCE, **given)
+        inspect.unwrap(nj.compare)(**given)
 
 
-def test_what_is_no_model_or_no_sensor():
-    """Each where it is checked, below the type checks of the test run."""
+def test_what_is_no_model_or_no_scenario():
+    """Below the type checks of the test run."""
     check = inspect.unwrap(experiment.check_rates)
     with pytest.raises(ValueError, match="believes ImuErrors"):
         check(RIGHT, {"fit": "WN(1)"})
     with pytest.raises(ValueError, match="truth is ImuErrors"):
         check("WN(1)", {"right": RIGHT})
-    options = {"rate": 100.0, "initial": START, "earth": nj.FlatEarth(), "every": 1, "output_interval": 1.0}
-    with pytest.raises(ValueError, match="sensors such as GnssPosition"):
-        inspect.unwrap(experiment.Setup.__init__)(object.__new__(experiment.Setup), REFERENCE, ("gps",), **options)
+    with pytest.raises(ValueError, match="scenario must be of the class Scenario"):
+        inspect.unwrap(experiment.Setup.__init__)(object.__new__(experiment.Setup), REFERENCE, 100.0)
 
 
 @pytest.mark.parametrize("key", [5, jax.random.PRNGKey(5)], ids=["integer", "old kind"])
 def test_keys_are_typed(key):
     with pytest.raises(TypeError, match=r"jax.random.key"):
-        inspect.unwrap(nj.compare)(REFERENCE, RIGHT, {"right": RIGHT}, aiding=AIDING, num_runs=2, key=key)
+        inspect.unwrap(nj.compare)(SCENARIO, RIGHT, {"right": RIGHT}, num_runs=2, key=key)
 
 
 def test_a_start_is_a_covariance():

@@ -30,15 +30,18 @@ def r(shared):
 @pytest.fixture(scope="module")
 def ours():
     """R's example: errors that start from zero, an exact start, an outage of 40 s at the end."""
-    return nj.compare(
+    scenario = nj.Scenario(
         nj.motions.lemniscate(300.0, setups.RATE, attitude="navigation"),
+        setups.aiding(260.0, 300.0, first=0.0),
+        earth=nj.FlatEarth(setups.GRAVITY),
+        every=10,
+    )
+    return nj.compare(
+        scenario,
         setups.imu_errors("right", "zero"),
         {name: setups.imu_errors(name, "zero") for name in MODELS},
-        aiding=setups.aiding(260.0, 300.0, first=0.0),
         num_runs=NUM_RUNS,
         key=jax.random.key(7),
-        every=10,
-        earth=nj.FlatEarth(setups.GRAVITY),
     )
 
 

@@ -47,9 +47,8 @@ def test_derivatives_are_those_of_differences(gains):
 
     Backward and forward agree to 1e-8; central differences of fourth order to 1e-5, and 1e-6 of the largest.
     """
-    e = nj.filter.prepare(
-        nj.motions.lemniscate(4.0, setups.RATE), sensors(START), rate=setups.RATE, initial=start(START)
-    )
+    scenario = nj.Scenario(nj.motions.lemniscate(4.0, setups.RATE), sensors(START), start(START))
+    e = nj.filter.prepare(scenario, rate=setups.RATE)
     keys = nj.filter.run_keys(jax.random.key(3), 0, 4)
 
     def parts(e):

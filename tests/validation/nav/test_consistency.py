@@ -16,15 +16,9 @@ OUTAGE = (260.0, 300.0)
 @pytest.fixture(scope="module")
 def runs():
     """Started from stationarity, with initial errors; the slowest process has a time constant of half a day."""
-    return nj.monte_carlo(
-        nj.motions.lemniscate(300.0, setups.RATE),
-        setups.imu_errors(),
-        aiding=setups.aiding(*OUTAGE),
-        initial=nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5])),
-        num_runs=NUM_RUNS,
-        key=jax.random.key(20261121),
-        every=10,
-    )
+    start = nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5]))
+    scenario = nj.Scenario(nj.motions.lemniscate(300.0, setups.RATE), setups.aiding(*OUTAGE), start, every=10)
+    return nj.monte_carlo(scenario, setups.imu_errors(), num_runs=NUM_RUNS, key=jax.random.key(20261121))
 
 
 def share_in_band(values, dof):

@@ -25,13 +25,13 @@ TRUTH = nj.ImuErrors(
 @pytest.fixture(scope="module")
 def designed():
     """Filters with no or one process of the gyros, for a truth with one, and two of the accelerometers."""
-    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START)
-    return nj.design(TRUTH, scenario, max_accel=0, max_gyro=1, num_starts=1, every=20)
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START, every=20)
+    return nj.design(scenario, TRUTH, max_accel=0, max_gyro=1, num_starts=1)
 
 
 def test_a_design_is_confirmed_on_fresh_noise(designed):
     """Runs of the best filter, its naive counterpart and the right one have the errors that were computed."""
-    (runs,) = designed.confirm(num_runs=64, key=jax.random.key(5), gains="reference", every=20)
+    (runs,) = designed.confirm(num_runs=64, key=jax.random.key(5), gains="reference")
     best = designed.best()
     expected = {"designed": best.covariances, "truncated": best.covariances_naive, "right": designed.right}
     assert list(runs) == list(expected)

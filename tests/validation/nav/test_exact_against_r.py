@@ -73,7 +73,8 @@ def run_ours(r, case, **options):
     name = meta[case]["inputs"]
     reference = data["ref_lemniscate"]
     trajectory = nj.Trajectory.from_euler(reference[:, 0], reference[:, 1:4], reference[:, 4:7])
-    e = nj.filter.prepare(trajectory, setups.aiding(30.0, 50.0, first=0.0), rate=setups.RATE, earth=EARTH, **options)
+    scenario = nj.Scenario(trajectory, setups.aiding(30.0, 50.0, first=0.0), earth=EARTH, **options)
+    e = nj.filter.prepare(scenario, rate=setups.RATE)
     model = believed(meta[case]["kf_model"])
     inputs = setups.quiet_inputs(e)
     noise = (data[name + "_imu"] - data["in_lemniscate_s1_full_clean_imu"])[1:, :6000].T

@@ -36,11 +36,12 @@ FILTERS = {
 }
 
 
+SCENARIO = nj.Scenario(nj.motions.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), START, every=10)
+
+
 @pytest.fixture(scope="module")
 def analysis():
-    return nj.analyse(
-        nj.motions.lemniscate(20.0, setups.RATE), TRUTH, FILTERS, aiding=setups.aiding(*OUTAGE), initial=START, every=10
-    )
+    return nj.analyse(SCENARIO, TRUTH, FILTERS)
 
 
 def assert_moments(analysis, comparison, num_runs):
@@ -64,15 +65,12 @@ def assert_moments(analysis, comparison, num_runs):
 def test_monte_carlo(analysis):
     """800 runs of three filters, with states of other kinds and number than the truth's, through an outage."""
     comparison = nj.compare(
-        nj.motions.lemniscate(20.0, setups.RATE),
+        SCENARIO,
         TRUTH,
         {name: f for name, f in FILTERS.items() if name != "right"},
-        aiding=setups.aiding(*OUTAGE),
-        initial=START,
         num_runs=NUM_RUNS,
         key=jax.random.key(5),
         gains="reference",
-        every=10,
     )
     assert_moments({name: analysis[name] for name in comparison.runs}, comparison, NUM_RUNS)
     for name, runs in comparison.runs.items():
@@ -99,17 +97,9 @@ def test_noise_of_fixes_that_has_a_memory():
         setups.RATE,
     )
     believed = {"filter": nj.ImuErrors("WN(sigma2=6e-5)", "WN(sigma2=1.5e-6)", setups.RATE)}
-    options = {"aiding": aiding, "initial": START, "every": 5}
-    c = nj.analyse(nj.motions.lemniscate(10.0, setups.RATE), truth, believed, **options)
-    runs = nj.compare(
-        nj.motions.lemniscate(10.0, setups.RATE),
-        truth,
-        believed,
-        num_runs=NUM_RUNS,
-        key=jax.random.key(6),
-        gains="reference",
-        **options,
-    )
+    scenario = nj.Scenario(nj.motions.lemniscate(10.0, setups.RATE), aiding, START, every=5)
+    c = nj.analyse(scenario, truth, believed)
+    runs = nj.compare(scenario, truth, believed, num_runs=NUM_RUNS, key=jax.random.key(6), gains="reference")
     # of the sensors what lasts: the rounding errors of quantisation are no part of it, here and there
     columns = {"position": slice(0, 3), "accel": slice(9, 12), "gyro": slice(12, 15)}
     for block, at in columns.items():

@@ -29,16 +29,10 @@ AIDING = setups.aiding(*OUTAGE)[:2]
 @pytest.mark.parametrize("gains", ["reference", "estimate"])
 def test_it_is_consistent_and_better(gains):
     """300 runs: mean NEES within 4.5 standard errors of its scatter, and RMS below the filter's inside the outage."""
-    options = {
-        "aiding": AIDING,
-        "initial": START,
-        "num_runs": 300,
-        "key": jax.random.key(4),
-        "gains": gains,
-        "every": 10,
-    }
-    plain = nj.monte_carlo(REFERENCE, ERRORS, **options)
-    smooth = nj.monte_carlo(REFERENCE, ERRORS, smooth=True, **options)
+    scenario = nj.Scenario(REFERENCE, AIDING, START, every=10)
+    options = {"num_runs": 300, "key": jax.random.key(4), "gains": gains}
+    plain = nj.monte_carlo(scenario, ERRORS, **options)
+    smooth = nj.monte_carlo(scenario, ERRORS, smooth=True, **options)
     assert [n.startswith("Errors are those of the smoother") for n in smooth.notes] == [True]
     for group, dof in smooth.dof.items():
         nees = smooth.nees[group]

@@ -1,0 +1,116 @@
+"""Where filters are run: a trajectory with its aiding, its start and its Earth, and how finely it is computed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gmwm_jax._internal.checks import integer, number, of_kind
+from gmwm_jax._internal.typing import Real
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
+from nav_jax.trajectory.trajectory import Trajectory
+
+EVERY = 1
+"""Default number of IMU samples in a covariance step, see `Scenario`."""
+
+OUTPUT_INTERVAL = 1.0
+"""Default s between the epochs of results."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenario:
+    """A trajectory with its aiding, its start and its Earth: all of a study but the noise of the IMU and the filters.
+
+    It is the first argument of everything that runs or analyses filters along a known trajectory. ``dataclasses.
+    replace(scenario, every=10)`` makes another one.
+
+    Attributes
+    ----------
+    reference
+        The trajectory; resampled to the rate of the IMU's errors.
+    aiding
+        Sensors such as `GnssPosition`, with their true noise, what filters believe of it, and their outages; kept as a
+        tuple, and empty for free inertial navigation.
+    initial
+        Uncertainty of the start, from which the initial errors of runs are drawn; unless given, the start is known.
+    earth
+        Gravity, and all else that the mechanisation asks of an Earth; a `FlatEarth` unless given.
+    every
+        Number of IMU samples in a covariance step; the transition is accumulated over all of them, and the estimate
+        itself is always advanced sample by sample. The default is one sample, since that is right at every rate and
+        along every motion. Ten samples of an IMU of 100 Hz or more change the standard deviations of a vehicle by less
+        than a thousandth and take a third of the time, and less of a design or a tuning: state them where time counts.
+    output_interval
+        s between the epochs at which results are kept.
+
+    Raises
+    ------
+    ValueError
+        A part of another class, two sensors of one name, a sensor without a fix, an outage outside the run, a number
+        out of range.
+    """
+
+    reference: Trajectory
+    aiding: Sequence[AbstractAiding] = ()
+    initial: InitialUncertainty = field(default_factory=InitialUncertainty)
+    earth: AbstractEarth = field(default_factory=FlatEarth)
+    every: int = EVERY
+    output_interval: Real = OUTPUT_INTERVAL
+
+    def __post_init__(self) -> None:
+        of_kind("reference", self.reference, Trajectory)
+        of_kind("initial", self.initial, InitialUncertainty)
+        of_kind("earth", self.earth, AbstractEarth)
+        object.__setattr__(self, "aiding", tuple(self.aiding))
+        object.__setattr__(self, "every", integer("every", self.every, 1))
+        for s in self.aiding:
+            if not isinstance(s, AbstractAiding):
+                raise ValueError(f"Aiding is made of sensors such as GnssPosition, and {s!r} is none.")
+        require_names([s.name for s in self.aiding])
+        start, end = float(self.reference.time[0]), float(self.reference.time[-1])
+        output_times(start, end, self.output_interval)
+        for s in self.aiding:
+            s.fixes(start, end)
+
+    def __repr__(self) -> str:
+        ref = self.reference
+        sd = np.sqrt(np.diagonal(np.asarray(self.initial.covariance)))
+        start = "a start that is known" if not sd.any() else "an uncertain start"
+        steps = "every sample" if self.every == 1 else f"every {self.every} samples"
+        listed = ", ".join(f"{s.name} {s.rate:g} Hz{_outages(s)}" for s in self.aiding)
+        return (
+            f"Scenario: {ref.name or 'a trajectory'} of {ref.duration:g} s from {start}; covariance {steps}, results "
+            f"every {self.output_interval:g} s\naiding: {listed or 'none'}; {self.earth!r}"
+        )
+
+
+def _outages(sensor: AbstractAiding) -> str:
+    gaps = ", ".join(f"{a:g} .. {b:g} s" for a, b in sensor.outages)
+    return f" (outage {gaps})" * bool(gaps)
+
+
+def require_names(names: Sequence[str]) -> None:
+    """Raise unless each aiding sensor has a name of its own."""
+    if len(set(names)) < len(names):
+        raise ValueError(f"Two aiding sensors have one name ({', '.join(names)}): give each a name=... of its own.")
+
+
+def output_times(start: float, end: float, interval: Real, what: str = "run") -> np.ndarray:
+    """Epochs of results, in even steps after the start; a ValueError if there is none.
+
+    Parameters
+    ----------
+    start, end
+        Of the run, s.
+    interval
+        Between epochs, s.
+    what
+        For the message: a run or a record.
+    """
+    step = number("output_interval", interval)
+    count = int(np.floor((end - start) / step + 1e-9))
+    if not count:
+        raise ValueError(f"The output interval of {step:g} s is longer than the {what} of {end - start:g} s.")
+    return start + step * np.arange(1, count + 1)
