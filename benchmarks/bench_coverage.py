@@ -12,10 +12,9 @@ the truth, with its binomial standard error, of the *n* that exist (an amplitude
 correlation time beside it); *low* and *high* split the misses into intervals wholly below and above the truth.
 
 The default weights, 1/(ci_high - ci_low)^2, are random: a scale that came out low weighs more. The first model of each
-case is fitted once more with ``omega="two-step"``, where they come from a first fit.
+case is fitted once more with ``weights="two-step"``, where they come from a first fit.
 """
 
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -27,9 +26,10 @@ import numpy as np
 from common import Report, compilations, seconds, timed
 
 import gmwm_jax as gj
+from gmwm_jax._internal.cores import num_threads
 
 TOGETHER = 50
-THREADS = os.cpu_count() or 1
+THREADS = num_threads()
 KEY = jax.random.key(20130901)
 
 
@@ -90,7 +90,7 @@ def together(wvs: list[gj.variance.WaveletVariance]) -> gj.variance.WaveletVaria
 def fit_all(wvs: list[gj.variance.WaveletVariance], model: str, omega: str | None = None) -> list[gj.Fit]:
     fits: list[gj.Fit] = []
     for i in range(0, len(wvs), TOGETHER):
-        fits += gj.fit(together(wvs[i : i + TOGETHER]), model, omega=omega, throw=False).values()
+        fits += gj.fit(together(wvs[i : i + TOGETHER]), model, weights=omega, throw=False).values()
     return fits
 
 
@@ -174,7 +174,7 @@ def main() -> None:
             with compilations() as later:
                 later_seconds, tail = timed(lambda f=fits: parameters(f[1:]))
             rows = rows_of(case, fits, head + tail)
-            weights = f"omega={omega!r}" if omega else "default weights"
+            weights = f"weights={omega!r}" if omega else "default weights"
             report.table(f"{case.name}: fit of {model}, {weights}", HEAD, rows)
             statuses = [f.status.value.split(":")[0] for f in fits]
             ends = {status: statuses.count(status) for status in dict.fromkeys(statuses)}

@@ -6,7 +6,6 @@ limit has none (*without*). The binomial standard error of a coverage is 1.0 %. 
 rejected at 5 %, by theory and by replicates; *power* the share of a model rejected that lacks a component.
 """
 
-import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -19,6 +18,7 @@ import numpy as np
 from common import Report, seconds
 
 import gmwm_jax as gj
+from gmwm_jax._internal.cores import num_threads
 
 CASES = (
     ("WN(sigma2=1.0) + RW(gamma2=1e-6)", "WN + GM"),
@@ -68,7 +68,7 @@ def wavelet_variances(
     def one(i: int) -> gj.variance.WaveletVariance:
         return gj.wavelet_variance(np.asarray(gj.simulate(truth, num_samples, key=jax.random.fold_in(key, i))))
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(num_threads()) as pool:
         return list(pool.map(one, range(num)))
 
 
@@ -79,7 +79,7 @@ def fit_all(wvs: list[gj.variance.WaveletVariance], model: str) -> list[gj.Fit]:
         stacked = {k: np.column_stack([getattr(w, k) for w in part]) for k in ("variance", "ci_low", "ci_high")}
         names = tuple(f"record_{i}" for i in range(len(part)))
         together = replace(part[0], **stacked, channels=names, units=("1",) * len(part))
-        fits += gj.fit(together, model, omega="two-step", throw=False).values()
+        fits += gj.fit(together, model, weights="two-step", throw=False).values()
     return fits
 
 

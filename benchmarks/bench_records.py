@@ -77,8 +77,8 @@ def speed(report: Report, recordings: list[gj.Recording]) -> None:
     joint = row(f"joint fit of 6 units, {MODEL}, from their wavelet variances", lambda: gj.fit_records(wvs, MODEL))
     what = f"joint fit of 6 x 1e6, {MODEL}, wavelet variances included"
     row(what, lambda: gj.fit_records(recordings, MODEL), "3 s", 20.63)  # 2.70 + 17.93
-    two_step = gj.fit_records(wvs, MODEL, omega="two-step")
-    row("the same with two-step weights", lambda: gj.fit_records(wvs, MODEL, omega="two-step"))
+    two_step = gj.fit_records(wvs, MODEL, weights="two-step")
+    row("the same with two-step weights", lambda: gj.fit_records(wvs, MODEL, weights="two-step"))
     row("tables with intervals by theory", lambda: str(gj.fit_records(wvs, MODEL)))
     small = gj.fit_records(wvs, "WN + RW + GM")
     row("all 462 sets of 6 records, WN + RW + GM", lambda: gj.multisignal.resample_records(small), "-", 18.6)
@@ -131,7 +131,7 @@ def size_and_power(report: Report) -> None:
     for spread, sets in ((0.0, num), (0.2, num // 5), (0.5, num // 5)):
         near, together, alone = [], [], []
         for b, wvs in enumerate(groups(simulated(NUM_RECORDS * sets, 3 + round(10 * spread), spread), NUM_RECORDS)):
-            joint = gj.fit_records(wvs, "WN + GM", omega="two-step")
+            joint = gj.fit_records(wvs, "WN + GM", weights="two-step")
             key = jax.random.fold_in(jax.random.key(5), b)
             near.append(gj.multisignal.near_stationarity(joint, replicates, key=key).p_value <= LEVEL)
             comparison = gj.multisignal.compare_records(joint)
@@ -151,7 +151,7 @@ def coverage(report: Report) -> None:
     num, truth = 50 if report.quick else 1000, np.array([1.0, 0.03, 0.2])
     inside = {"theory": np.zeros(3), "resampling, t": np.zeros(3), "resampling, percentile": np.zeros(3)}
     for wvs in groups(simulated(NUM_RECORDS * num, 2), NUM_RECORDS):
-        joint = gj.fit_records(wvs, "WN + GM", omega="two-step")
+        joint = gj.fit_records(wvs, "WN + GM", weights="two-step")
         sets = gj.multisignal.resample_records(joint)
         theory = np.array([[e.ci_low, e.ci_high] for e in joint.parameters()]).T
         for kind, (low, high) in zip(inside, (theory, sets.interval("t"), sets.interval("percentile")), strict=True):

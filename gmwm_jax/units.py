@@ -15,7 +15,10 @@ calibration"; Guerrier et al. (2013).
 
 import math
 import re
+from functools import cache
 from typing import Any, NamedTuple
+
+from gmwm_jax._internal.columns import plain_name
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
@@ -44,6 +47,7 @@ _ACCELERATIONS = {
     "m/s^2": 1.0, "mm/s^2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G, "mGal": 1e-5,
 }  # fmt: skip
 _TIMES = {"s": 1.0, "h": _HOUR}
+_LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
 
 
 def _table() -> dict[str, Unit]:
@@ -76,7 +80,11 @@ def _table() -> dict[str, Unit]:
             units[f"{name}/{t}"] = Unit("m/s^3", size / seconds)
     units["m/s^3"] = Unit("m/s^3", 1.0)
     units["m/s^3/sqrt(Hz)"] = Unit("m/s^2/sqrt(s)", 1.0)
-    for name, size in {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": _HOUR, "day": 86400.0}.items():
+    for name, size in _LENGTHS.items():
+        units[name] = Unit("m", size)
+    for name, size in {
+        "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": _HOUR, "day": 86400.0,
+    }.items():  # fmt: skip
         units[name] = Unit("s", size)
     for name, size in {"Hz": 1.0, "1/s": 1.0, "kHz": 1e3, "1/h": 1 / _HOUR}.items():
         units[name] = Unit("1/s", size)
@@ -98,6 +106,13 @@ _SPELLINGS = (
     (r"s/s\b", "s^2"),  # m/s/s, but not the start of deg/s/sqrt(Hz)
 )  # fmt: skip
 """Regular expressions and what they become, in this order."""
+
+_WORDS = {
+    "radian": "rad", "radians": "rad", "degree": "deg", "degrees": "deg", "degrees_north": "deg", "degrees_east": "deg",
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "sec": "s", "second": "s", "seconds": "s",
+    "mps": "m/s", "m_s_1": "m/s", "m_s2": "m/s^2", "rad_s_1": "rad/s", "deg_s_1": "deg/s", "dps": "deg/s",
+}  # fmt: skip
+"""Words of tables and of the attribute ``units`` of netCDF files, as plain names, and what they mean."""
 
 
 def unit(name: str) -> Unit:
@@ -163,6 +178,54 @@ def convert(value: Any, source: str, target: str) -> Any:
     if a.si != b.si:
         raise ValueError(f"{source} measures {a.si} and {target} measures {b.si}: they cannot be converted.")
     return value * (a.factor / b.factor)
+
+
+def names(si: str) -> tuple[str, ...]:
+    """Return the names of all units that measure the same as an SI unit."""
+    return tuple(name for name, unit in UNITS.items() if unit.si == si)
+
+
+@cache
+def written(si: str) -> dict[str, float]:
+    """Return how the units of a quantity are written behind the name of a column, and their sizes in SI.
+
+    These are plain names, as ``deg_s`` in ``gyro_x_deg_s``.
+    """
+    words = {word: UNITS[name].factor for word, name in _WORDS.items() if UNITS[name].si == si}
+    return {plain_name(name): UNITS[name].factor for name in names(si)} | words
+
+
+def size(name: str, si: str) -> float:
+    """Return the size of a unit in SI, where it may also be a word or stand behind the name of a column.
+
+    Parameters
+    ----------
+    name
+        ``deg/s``, ``deg_s``, ``degrees`` ...
+    si
+        The SI unit of the quantity.
+
+    Raises
+    ------
+    ValueError
+        Unknown unit, or one that measures something else.
+    """
+    factor = written(si).get(plain_name(name))
+    return convert(1.0, name, si) if factor is None else factor
+
+
+def time_size(name: str) -> float:
+    """Return the seconds in a unit of a clock; days are none.
+
+    Raises
+    ------
+    ValueError
+        Unknown unit; the message lists those that there are.
+    """
+    clocks = [unit for unit in names("s") if unit != "day"]
+    if name not in clocks:
+        raise ValueError(f"Unknown unit of time {name!r}; it is one of: {', '.join(clocks)}.")
+    return UNITS[name].factor
 
 
 class SignalUnit(NamedTuple):

@@ -35,7 +35,7 @@ from gmwm_jax.fitting.estimator import fit as fit_model
 from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.fitting.tables import continuous_table
-from gmwm_jax.fitting.weights import COVARIANCE, DEFAULT
+from gmwm_jax.fitting.weights import Covariance, Default
 from gmwm_jax.inference.bootstrapping import bootstrap as replicate
 from gmwm_jax.inference.selection import Selection
 from gmwm_jax.inference.selection import select as select_model
@@ -126,7 +126,7 @@ def fit(
     ] = None,
     weights: Annotated[
         str, typer.Option(help="default, two-step (less bias), covariance (smallest errors) or iterated.")
-    ] = DEFAULT,
+    ] = Default.name,
     robust: Robust = False,
     efficiency: Efficiency = 0.6,
     bootstrap: Annotated[int, typer.Option(help="Replicates for intervals and a test of fit, 500 say.")] = 0,
@@ -141,7 +141,7 @@ def fit(
         promised, signal = from_datasheet(pairs(datasheet), rec.rate)
         lines = {signal: promised}
     wv = wavelet_variance(rec, efficiency=efficiency if robust else None)
-    fits = fit_model(wv, model, omega=weights_of(weights), level=level, throw=False)
+    fits = fit_model(wv, model, weights=weights_of(weights), level=level, throw=False)
     singles = [fits] if isinstance(fits, Fit) else list(fits.values())
     boots = [replicate(one, bootstrap, key=jax.random.key(seed), progress=True) for one in singles] if bootstrap else []
     tables = [repr(one) for one in singles] + ([] if isinstance(fits, Fit) else [repr(fits)])
@@ -177,7 +177,7 @@ def select(
     level: Level = 0.95,
     weights: Annotated[
         str, typer.Option(help="Of the superset, for all models: covariance, default, two-step or iterated.")
-    ] = COVARIANCE,
+    ] = Covariance.name,
     robust: Robust = False,
     efficiency: Efficiency = 0.6,
     bootstrap: Annotated[int, typer.Option(help="Replicates for the optimism, in place of theory.")] = 0,
@@ -191,7 +191,7 @@ def select(
         wavelet_variance(rec, efficiency=efficiency if robust else None),
         model[0] if len(model) == 1 else model,
         nested=len(model) == 1,
-        omega=weights_of(weights),
+        weights=weights_of(weights),
         num_replicates=bootstrap,
         key=jax.random.key(seed),
         level=level,

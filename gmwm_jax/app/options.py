@@ -11,7 +11,7 @@ import typer
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax.fitting.weights import DEFAULT, STEPPED
+from gmwm_jax.fitting.weights import NAMED
 from gmwm_jax.recordings import datasets
 from gmwm_jax.recordings.files import read_recording
 from gmwm_jax.recordings.recording import Recording
@@ -99,12 +99,11 @@ def read(
     return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
 
 
-def weights_of(name: str) -> str | None:
+def weights_of(name: str) -> str:
     """Weights as `fit` takes them."""
-    known = (DEFAULT, *STEPPED)
-    if name not in known:
-        raise ValueError(f"--weights is {', '.join(known)}, and not {name!r}.")
-    return None if name == DEFAULT else name
+    if name not in NAMED:
+        raise ValueError(f"--weights is {', '.join(NAMED)}, and not {name!r}.")
+    return name
 
 
 def _column(text: str) -> int | str:

@@ -3,6 +3,7 @@
 The search, the weights, the standard errors and the tables of parameters; slopes of the Allan deviation beside it.
 """
 
+from gmwm_jax.fitting import weights as weights
 from gmwm_jax.fitting.estimator import fit as fit
 from gmwm_jax.fitting.estimator import objective as objective
 from gmwm_jax.fitting.result import Fit as Fit

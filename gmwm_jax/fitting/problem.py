@@ -1,12 +1,24 @@
 """A model as the estimator sees it: what is static, what is searched for, what is held; and the way back."""
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax.fitting.search import Layout
+from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax.fitting._start import lattice
+from gmwm_jax.fitting.search import NUM_DESCENTS, NUM_ROUNDS, Layout, Solution
+from gmwm_jax.fitting.tables import AT, ZERO
 from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.parameter import Fixed
+
+_MOVED = np.log(4.0)
+"""How far starts lie from an estimate: where the objective differs by noise alone, so does its minimum."""
 
 
 class Problem(NamedTuple):
@@ -21,39 +33,140 @@ class Problem(NamedTuple):
     """Of the components whose shape is given."""
     held: Float[np.ndarray, " P"]
     """Amplitudes that are held; 0 for those that are free."""
+    tau_max: float
+    """Longest span."""
+
+    @classmethod
+    def of(cls, model: Composite, tau_max: float) -> "Problem":
+        """Pose the problem of estimating a model from spans up to tau_max.
+
+        Raises
+        ------
+        ValueError
+            Some of the shape parameters of a process are held, and others are not.
+        """
+        kinds = [type(p) for p in model.processes]
+        order = sorted(
+            range(len(kinds)), key=lambda i: (not _has_free_shape(model.processes[i]), kinds.index(kinds[i]))
+        )
+        processes = tuple(model.processes[i] for i in order)
+        layout = Layout(
+            kinds=tuple(type(p) for p in processes),
+            free_shape=tuple(_has_free_shape(p) for p in processes),
+            free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
+        )
+        searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
+        held = [0.0 if free else float(p.amplitude) for p, free in zip(processes, layout.free_amplitude, strict=True)]
+        return cls(
+            processes,
+            tuple(order),
+            layout,
+            np.concatenate([np.zeros((0, 2)), *(np.reshape(p.coordinate_bounds(tau_max), (-1, 2)) for p in searched)]),
+            tuple(p.shape for p in given),
+            np.array(held),
+            tau_max,
+        )
 
     @property
     def searched(self) -> tuple[AbstractProcess, ...]:
         """The components with a shape to search for."""
         return self.processes[: self.layout.num_shapes]
 
+    @property
+    def num_descents(self) -> int:
+        """Of a global search."""
+        return NUM_ROUNDS * NUM_DESCENTS if self.searched else 1
 
-def pose(model: Composite, tau_max: float) -> Problem:
-    """Pose the problem of estimating a model from spans up to tau_max.
+    # -- where to look --------------------------------------------------------------------------------------------
 
-    Raises
-    ------
-    ValueError
-        Some of the shape parameters of a process are held, and others are not.
-    """
-    kinds = [type(p) for p in model.processes]
-    order = sorted(range(len(kinds)), key=lambda i: (not _has_free_shape(model.processes[i]), kinds.index(kinds[i])))
-    processes = tuple(model.processes[i] for i in order)
-    layout = Layout(
-        kinds=tuple(type(p) for p in processes),
-        free_shape=tuple(_has_free_shape(p) for p in processes),
-        free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
-    )
-    searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
-    held = [0.0 if free else float(p.amplitude) for p, free in zip(processes, layout.free_amplitude, strict=True)]
-    return Problem(
-        processes,
-        tuple(order),
-        layout,
-        np.concatenate([np.zeros((0, 2)), *(np.reshape(p.coordinate_bounds(tau_max), (-1, 2)) for p in searched)]),
-        tuple(p.shape for p in given),
-        np.array(held),
-    )
+    def starting_points(self, key: PRNGKey | None) -> tuple[Float[np.ndarray, "S C"], Float[np.ndarray, "S C"]]:
+        """The lattice, and once more with the starting values that the model gives."""
+        searched = self.searched
+        placements, nodes = lattice(tuple(type(p) for p in searched), self.tau_max, key)
+        given = {k: np.asarray(p.coordinate_from_shape(p.shape)) for k, p in enumerate(searched) if None not in p.shape}
+        if given:
+            moved = placements.copy()
+            for k, coordinates in given.items():
+                moved[:, self.layout.position(k)] = coordinates
+            placements, nodes = np.concatenate([moved, placements]), np.concatenate([nodes, nodes])
+        return placements, nodes
+
+    def starts_near(self) -> Float[np.ndarray, "S C"]:
+        """Starts around the coordinates of the model itself."""
+        at = [np.zeros(0), *(np.atleast_1d(p.coordinate_from_shape(p.shape)) for p in self.searched)]
+        return self.starts_around(np.concatenate(at))
+
+    def starts_around(self, at: Float[np.ndarray, " C"]) -> Float[np.ndarray, "S C"]:
+        """Coordinates, and those with one of them moved."""
+        moves = _MOVED * np.eye(len(at))
+        return np.clip(np.concatenate([at[None], at + moves, at - moves]), *self.bounds.T)
+
+    # -- the way back ---------------------------------------------------------------------------------------------
+
+    def assemble(self, solution: Solution) -> tuple[Composite, dict[str, str]]:
+        """The model with its estimates in the user's order, and which components are at a boundary."""
+        layout, fitted = self.layout, []
+        for i, p in enumerate(self.processes):
+            shape, note = p.shape, ""
+            if layout.free_shape[i]:
+                own = jnp.asarray(solution.coordinates[layout.position(i)])
+                shape = tuple(float(s) for s in p.shape_from_coordinate(own))
+                limit = p.limit_of(shape, self.tau_max)
+                # where both parameters run off together, one that is held keeps the other
+                if limit and (layout.free_amplitude[i] or p.parameters[-1].determined_at == limit):
+                    note = f"{AT}{limit}"
+            amplitude = float(solution.amplitudes[i])
+            if amplitude == 0:
+                note = ZERO
+            values = (*shape, p.value_of(jnp.asarray(amplitude)))
+            named = {q.name: v for q, v in zip(p.parameters, values, strict=True)}
+            build: Any = type(p)
+            fitted.append((build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()}), note))
+
+        times = [float(p.correlation_time(p.shape)) if p.shape else 0.0 for p, _ in fitted]
+        placed = [fitted[i] for i in self._slots(times, [note == ZERO for _, note in fitted])]
+        model = Composite([p for p, _ in placed])
+        return model, {label: note for label, (_, note) in zip(model.labels, placed, strict=True) if note}
+
+    def parameter_values(self, solution: Solution) -> Float[np.ndarray, "B P"]:
+        """Parameters of B solutions in the order of the model."""
+        columns, times = [], []
+        for i, p in enumerate(self.processes):
+            shape = p.shape
+            if i < self.layout.num_shapes:
+                shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, self.layout.position(i)]))
+            values = [*shape, p.value_of(jnp.asarray(solution.amplitudes[:, i]))]
+            columns.append(np.stack(np.broadcast_arrays(*map(np.asarray, values)), axis=1))
+            times.append(np.broadcast_to(p.correlation_time(shape) if shape else 0.0, len(solution.objective)))
+        time, gone = np.stack(times, axis=1), solution.amplitudes == 0
+        return np.stack(
+            [np.concatenate([columns[i][b] for i in self._slots(time[b], gone[b])]) for b in range(len(time))]
+        )
+
+    def fitted_variances(self, solution: Solution, tau: Float[np.ndarray, " J"]) -> Float[np.ndarray, "B J"]:
+        """Wavelet variances of B solutions."""
+        return np.asarray(_fitted_variances(self.layout, self.shapes, solution, tau))
+
+    def _slots(self, times: Sequence[float] | Float[np.ndarray, " P"], gone: Any) -> list[int]:
+        """For each position in the model, the component (in the order of the problem) that belongs there.
+
+        Components of a kind stand from fast to slow; what has no variance has no correlation time either, and comes
+        last.
+
+        Parameters
+        ----------
+        times
+            Correlation time of each component.
+        gone
+            Which of them have no variance.
+        """
+        placed = [0] * len(self.order)
+        for kind in set(self.layout.kinds):
+            members = [i for i, k in enumerate(self.layout.kinds) if k is kind]
+            ranked = sorted(members, key=lambda i: (bool(gone[i]), float(times[i])))
+            for position, member in zip(sorted(self.order[i] for i in members), ranked, strict=True):
+                placed[position] = member
+        return placed
 
 
 def _has_free_shape(p: AbstractProcess) -> bool:
@@ -64,24 +177,15 @@ def _has_free_shape(p: AbstractProcess) -> bool:
     return len(held) < len(names)
 
 
-def slots(problem: Problem, times: Float[np.ndarray, " P"], gone: Any) -> list[int]:
-    """For each position in the model, the component (in the order of the problem) that belongs there.
-
-    Components of a kind stand from fast to slow; what has no variance has no correlation time either, and comes last.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    times
-        Correlation time of each component.
-    gone
-        Which of them have no variance.
-    """
-    placed = [0] * len(problem.order)
-    for kind in set(problem.layout.kinds):
-        members = [i for i, k in enumerate(problem.layout.kinds) if k is kind]
-        ranked = sorted(members, key=lambda i: (bool(gone[i]), float(times[i])))
-        for position, member in zip(sorted(problem.order[i] for i in members), ranked, strict=True):
-            placed[position] = member
-    return placed
+@partial(jax.jit, static_argnums=0)
+def _fitted_variances(layout: Layout, shapes: Any, solution: Solution, tau: Any) -> Float[Array, "B J"]:
+    total = jnp.zeros((solution.amplitudes.shape[0], tau.shape[0]))
+    for i, kind in enumerate(layout.kinds):
+        if i < layout.num_shapes:
+            unit = jax.vmap(lambda z, kind=kind: kind.unit_wavelet_variance(kind.shape_from_coordinate(z), tau))(
+                solution.coordinates[:, layout.position(i)]
+            )
+        else:
+            unit = kind.unit_wavelet_variance(shapes[i - layout.num_shapes], tau)[None]
+        total = total + solution.amplitudes[:, i, None] * unit
+    return total

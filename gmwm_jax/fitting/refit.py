@@ -9,17 +9,17 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-from gmwm_jax.fitting.problem import Problem, pose, slots
+from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.search import SIZE, Data, Layout, Solution, minimise_near, smallest_slope
-from gmwm_jax.fitting.weights import DEFAULT, TWO_STEP
+from gmwm_jax.processes.base import Composite
 
-_MOVED = np.log(4.0)
+CHUNK = 64
+"""Wavelet variances estimated at once."""
 
 
 class Refits(NamedTuple):
@@ -29,9 +29,11 @@ class Refits(NamedTuple):
     """Parameters in the order of the model, components of a kind from fast to slow."""
     objective: Float[np.ndarray, " B"]
     converged: Bool[np.ndarray, " B"]
+    fitted: Float[np.ndarray, "B J"]
+    """Their wavelet variances."""
 
 
-def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = 64) -> Refits:
+def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = CHUNK) -> Refits:
     """Estimate the model of a fit again from other wavelet variances on the same scales, with weights of the same kind.
 
     Default weights are those of each replicate's own intervals, two-step weights those under its own first fit. Weights
@@ -46,67 +48,71 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = 64) -
     chunk_size
         Replicates estimated at once. It changes speed and memory, not the numbers.
     """
-    problem = pose(fit.model, float(fit.wv.scales[-1]))
-    starts = starts_near(problem)
     width = (fit.wv.ci_high - fit.wv.ci_low) / fit.wv.variance
-    root = np.linalg.cholesky(fit.omega).T
-    parts = []
-    for first in range(0, len(variances), chunk_size):
-        nu = variances[first : first + chunk_size]
-        # the last chunk is filled up: another size would compile again
-        filled = np.concatenate([nu, np.repeat(nu[-1:], chunk_size - len(nu), axis=0)])
-        if fit.weights in (DEFAULT, TWO_STEP):
-            whitener = _diagonals(1 / (width * filled))
-        else:
-            whitener = np.broadcast_to(root, (chunk_size, *root.shape))
-        found = solve_near(problem, starts, _whitened(whitener, filled), whitener, fit.wv.scales)
-        if fit.weights == TWO_STEP:
-            fitted = np.asarray(fitted_variances(problem.layout, problem.shapes, found.solution, fit.wv.scales))
-            # without any variance at a scale there is no second step
-            fitted = np.where(np.all(fitted > 0, axis=1, keepdims=True), fitted, filled)
-            whitener = _diagonals(1 / (width * fitted))
-            found = solve_near(problem, starts, _whitened(whitener, filled), whitener, fit.wv.scales)
-        num = len(nu)
-        parts.append(jax.tree.map(lambda leaf, num=num: leaf[:num], found))
-    whole = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-    return Refits(parameter_values(problem, whole.solution), whole.solution.objective, whole.converged)
-
-
-class Found(NamedTuple):
-    """Minima of B problems."""
-
-    solution: Solution
-    converged: Bool[np.ndarray, " B"]
-
-
-def _diagonals(d: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J J"]:
-    return d[:, :, None] * np.eye(d.shape[1])
-
-
-def starts_near(problem: Problem) -> Float[np.ndarray, "S C"]:
-    """Starts around the coordinates of the problem's own model."""
-    at = [np.zeros(0), *(np.atleast_1d(p.coordinate_from_shape(p.shape)) for p in problem.searched)]
-    return starts_around(np.concatenate(at), problem.bounds)
-
-
-def starts_around(at: Float[np.ndarray, " C"], bounds: Float[np.ndarray, "C 2"]) -> Float[np.ndarray, "S C"]:
-    """Coordinates, and those with one of them moved."""
-    moves = _MOVED * np.eye(len(at))
-    return np.clip(np.concatenate([at[None], at + moves, at - moves]), *bounds.T)
+    again = partial(refit_whitened, fit.model, fit.wv.scales, chunk_size=chunk_size)
+    if not fit.weights.of_replicates:
+        root = np.linalg.cholesky(fit.omega).T
+        whitener = np.broadcast_to(root, (len(variances), *root.shape))
+        return again(_whitened(whitener, variances), whitener)
+    fitted = variances
+    for in_width in fit.weights.of_replicates:
+        whitener = (1 / (width * in_width(variances, fitted)))[:, :, None] * np.eye(variances.shape[1])
+        found = again(_whitened(whitener, variances), whitener)
+        # without any variance at a scale there is no second step
+        fitted = np.where(np.all(found.fitted > 0, axis=1, keepdims=True), found.fitted, variances)
+    return found
 
 
 def _whitened(whitener: Float[np.ndarray, "B J J"], nu: Float[np.ndarray, "B J"]) -> Float[np.ndarray, "B J"]:
     return np.einsum("bij,bj->bi", whitener, nu)
 
 
-def solve_near(
+def refit_whitened(
+    model: Composite,
+    tau: Float[np.ndarray, " J"],
+    y: Float[np.ndarray, "B J"],
+    whitener: Float[np.ndarray, "B J J"],
+    chunk_size: int = CHUNK,
+) -> Refits:
+    """Estimate a model again, near its own values, from whitened wavelet variances.
+
+    Parameters
+    ----------
+    model
+        All parameters given: where to start.
+    tau
+        Spans.
+    y, whitener
+        L' nu_hat and L' of each, Omega = L L'.
+    chunk_size
+        As of `refit`.
+    """
+    problem = Problem.of(model, float(tau[-1]))
+    starts, parts = problem.starts_near(), []
+    for first in range(0, len(y), chunk_size):
+        at = np.arange(first, first + chunk_size)
+        num = min(chunk_size, len(y) - first)
+        # the last chunk is filled up: another size would compile again
+        own = np.minimum(at, len(y) - 1)
+        solution, converged = _solve_near(problem, starts, y[own], whitener[own], tau)
+        found = (
+            problem.parameter_values(solution),
+            solution.objective,
+            converged,
+            problem.fitted_variances(solution, tau),
+        )
+        parts.append([leaf[:num] for leaf in found])
+    return Refits(*(np.concatenate(leaves) for leaves in zip(*parts, strict=True)))
+
+
+def _solve_near(
     problem: Problem,
     starts: Float[np.ndarray, "S C"],
     y: Float[np.ndarray, "B J"],
     whitener: Float[np.ndarray, "B J J"],
     tau: Float[np.ndarray, " J"],
-) -> Found:
-    """The lowest minima of B problems that descents from the starts lead to: whitened wavelet variances y, L'."""
+) -> tuple[Solution, Bool[np.ndarray, " B"]]:
+    """The lowest minima of B problems that descents from the starts lead to, and which of them converged."""
     unit = np.max(np.abs(y), axis=1) / SIZE
     found = _minimise_all(
         problem.layout,
@@ -120,7 +126,7 @@ def solve_near(
     )
     found = jax.tree.map(np.asarray, found)
     converged = np.isfinite(found.objective) & (found.slope <= smallest_slope(found.objective))
-    return Found(found._replace(objective=found.objective * unit**2), converged)
+    return found._replace(objective=found.objective * unit**2), converged
 
 
 @partial(jax.jit, static_argnums=0)
@@ -131,34 +137,3 @@ def _minimise_all(
         return minimise_near(layout, starts, Data(y, whitener, tau, bounds, shapes, amplitudes))
 
     return jax.vmap(one)(y, whitener)
-
-
-@partial(jax.jit, static_argnums=0)
-def fitted_variances(layout: Layout, shapes: Any, solution: Solution, tau: Any) -> Float[Array, "B J"]:
-    """Wavelet variances of solutions."""
-    total = jnp.zeros((solution.amplitudes.shape[0], tau.shape[0]))
-    for i, kind in enumerate(layout.kinds):
-        if i < layout.num_shapes:
-            unit = jax.vmap(lambda z, kind=kind: kind.unit_wavelet_variance(kind.shape_from_coordinate(z), tau))(
-                solution.coordinates[:, layout.position(i)]
-            )
-        else:
-            unit = kind.unit_wavelet_variance(shapes[i - layout.num_shapes], tau)[None]
-        total = total + solution.amplitudes[:, i, None] * unit
-    return total
-
-
-def parameter_values(problem: Problem, solution: Solution) -> Float[np.ndarray, "B P"]:
-    """Parameters in the order of the model."""
-    columns, times = [], []
-    for i, p in enumerate(problem.processes):
-        shape = p.shape
-        if i < problem.layout.num_shapes:
-            shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, problem.layout.position(i)]))
-        values = [*shape, p.value_of(jnp.asarray(solution.amplitudes[:, i]))]
-        columns.append(np.stack(np.broadcast_arrays(*map(np.asarray, values)), axis=1))
-        times.append(np.broadcast_to(p.correlation_time(shape) if shape else 0.0, len(solution.objective)))
-    time, gone = np.stack(times, axis=1), solution.amplitudes == 0
-    return np.stack(
-        [np.concatenate([columns[i][b] for i in slots(problem, time[b], gone[b])]) for b in range(len(time))]
-    )

@@ -14,9 +14,9 @@ from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
-from gmwm_jax.fitting.standard_errors import delta_method, parameter_covariance
-from gmwm_jax.fitting.tables import AT, ZERO, EstimateTable, continuous_table, parameter_table
-from gmwm_jax.fitting.weights import COVARIANCE, ITERATED, covariance_weights, two_step_weights
+from gmwm_jax.fitting.standard_errors import delta_method, estimator_derivatives, parameter_covariance
+from gmwm_jax.fitting.tables import AT, ZERO, EstimateTable, LogQuantities, continuous_table, parameter_table
+from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
@@ -49,7 +49,7 @@ class Fit(Drawable):
     omega
         Omega, shape (J, J).
     weights
-        Where Omega is from: ``default``, ``two-step``, ``covariance``, ``iterated`` or ``given``.
+        Where Omega is from, see `gmwm_jax.fitting.weights`.
     status
         How the search ended.
     at_boundary
@@ -67,7 +67,7 @@ class Fit(Drawable):
     wv: WaveletVariance
     objective: float
     omega: Float[np.ndarray, "J J"]
-    weights: str
+    weights: AbstractWeights
     status: Status
     at_boundary: Mapping[str, str] = field(default_factory=dict)
     agreement: float = 1.0
@@ -159,6 +159,15 @@ class Fit(Drawable):
         whitener = np.linalg.cholesky(self.omega).T
         return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
 
+    @cached_property
+    def derivatives(self) -> tuple[Float[np.ndarray, "J P"], Float[np.ndarray, "P J"]]:
+        """A = d nu/d eta and B = d eta_hat/d nu_hat at the estimate, eta the active parameters on the real line."""
+        if not self.active:
+            return np.zeros((self.wv.num_scales, 0)), np.zeros((0, self.wv.num_scales))
+        whitener = np.linalg.cholesky(self.omega).T
+        A, B = estimator_derivatives(self.model, self.active, self.wv.scales, whitener)
+        return np.asarray(A), np.asarray(B)
+
     def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
         """Smallest variance that weights can give, over that with `omega`, of each active parameter; to first order.
 
@@ -174,7 +183,7 @@ class Fit(Drawable):
         V = self.wv_covariance
         if V is None or not self.active:
             return None
-        best, used = covariance_weights(self.model, V), self.omega if omega is None else omega
+        best, used = Covariance().omega(self.wv, self.model, V), self.omega if omega is None else omega
         variances = [
             np.diag(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(o).T, V))
             for o in (best, used)
@@ -209,6 +218,11 @@ class Fit(Drawable):
         """The same in the units of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
         return self._continuous(rate, datasheet=True)
 
+    @property
+    def log_quantities(self) -> LogQuantities:
+        """The logs of all continuous-time quantities, as a function of the model; per sample without a rate."""
+        return LogQuantities.of(self.model, float(self.rate or 0.0))
+
     def _continuous(self, rate: float | None, *, datasheet: bool) -> EstimateTable:
         rate = sampling_rate(agreed_rate(self.rate, rate))
 
@@ -231,18 +245,15 @@ class Fit(Drawable):
         robust = f"Robust (efficiency {wv.efficiency:g}) " if wv.efficiency else ""
         lines = [
             f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
-            f"objective {self.objective:.8g} ({self.weights} weights) with {free} free parameters on {wv.num_scales} "
-            f"scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
+            f"objective {self.objective:.8g} ({self.weights.name} weights) with {free} free parameters on "
+            f"{wv.num_scales} scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this "
+            "minimum",
             "",
             str(self.parameters()),
         ]
         if self.rate:
             lines += ["", str(self.continuous()), "", str(self.datasheet())]
-        diagonal = (
-            self.weights_efficiency(two_step_weights(self.model, wv))
-            if self.weights in (COVARIANCE, ITERATED)
-            else None
-        )
+        diagonal = self.weights_efficiency(TwoStep().omega(wv, self.model)) if self.weights.inverts_covariance else None
         if diagonal is not None:
             shares = ", ".join(f"{100 * e:.0f} %" for e in diagonal)
             lines += ["", f"Weights on the diagonal only would have an efficiency of {shares} in these parameters."]
@@ -268,7 +279,7 @@ class Fit(Drawable):
                 for p in self.reduced.processes
             ],
             "objective": self.objective,
-            "weights": self.weights,
+            "weights": self.weights.name,
             "level": self.level,
             "status": self.status.value,
             "agreement": self.agreement,

@@ -163,8 +163,7 @@ def continuous_table(
         p.require_complete()
     units_.require_si(unit)
     f = sampling_rate(rate)
-    # both tables at once: what was compiled for one serves the other
-    logs = logs_of(model, f)
+    logs = LogQuantities.of(model, f)
     values = np.exp(np.asarray(evaluate(logs, model)))
     spread = np.full_like(values, np.nan) if errors is None else z * errors(logs)
     estimates, remarks, at = [], [], -1
@@ -201,16 +200,19 @@ class LogQuantities:
     quantities: tuple[tuple[Quantity, ...], ...]
     rate: float
 
+    @classmethod
+    def of(cls, model: Composite, rate: float) -> "LogQuantities":
+        """Those of a model, for both tables at once: what was compiled for one serves the other.
+
+        There are none of a process without a continuous-time form.
+        """
+        forms = [p.continuous for p in model.processes]
+        return cls(tuple(() if form is None else (*form.filter, *form.datasheet) for form in forms), rate)
+
     def __call__(self, model: Composite) -> Array:
         """Logs of all quantities, component by component."""
         pairs = zip(model.processes, self.quantities, strict=True)
         return jnp.log(jnp.array([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
-
-
-def logs_of(model: Composite, rate: float) -> LogQuantities:
-    """The logs of all continuous-time quantities of a model: none of a process without a continuous-time form."""
-    forms = [p.continuous for p in model.processes]
-    return LogQuantities(tuple(() if form is None else (*form.filter, *form.datasheet) for form in forms), rate)
 
 
 def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: str) -> bool:

@@ -1,94 +1,227 @@
-"""Weighting matrices Omega of the GMWM objective.
+"""Weights of the GMWM objective: objects that make the matrix Omega of one wavelet variance.
 
-``default``: 1/(width of the interval)^2 on the diagonal, the choice of R's simts, so that objectives compare.
-``two-step``: the same with the variance of a first fit in place of the measured one, which takes out a bias.
-``covariance``: the inverse of the whole covariance of the wavelet variance under a first fit, which for long records
+`Default` is 1/(width of the interval)^2 on the diagonal, the choice of R's simts, so that objectives compare.
+`TwoStep` is the same with the variance of a first fit in place of the measured one, which takes out a bias.
+`Covariance` is the inverse of the whole covariance of the wavelet variance under a first fit, which for long records
 gives the smallest variances there are from these moments (Hansen 1982; Guerrier et al. 2013).
-``iterated``: that again under the fit that comes out, until nothing changes.
+`Iterated` is that again under the fit that comes out, until nothing changes.
+`Given` is a vector or a matrix of the user.
+
+Weights that need a fit hold the weights of that fit as their `first`: ``Covariance(first=Default())`` leaves out the
+two-step fit. New weights are a class here and a row in `NAMED`: `fit`, `fit_records`, replicates and the command line
+take them from there.
 """
 
-from typing import Any
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.variance.wavelet import WaveletVariance
-
-DEFAULT = "default"
-TWO_STEP = "two-step"
-COVARIANCE = "covariance"
-ITERATED = "iterated"
-GIVEN = "given"
-STEPPED = (TWO_STEP, COVARIANCE, ITERATED)
-"""Weights that need a first fit."""
 
 _BEYOND = "beyond floating point: take other units, or scale the data."
 _SINGULAR = 1e-12
 """Smallest eigenvalue of a correlation matrix of which an inverse keeps four digits."""
 
 
-def default_weights(wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
+Width: TypeAlias = Callable[[Any, Any], Any]
+"""From the measured and the fitted variances of replicates to those that stand for the widths of their intervals."""
+
+
+def _measured(measured: Any, fitted: Any) -> Any:
+    return measured
+
+
+def _fitted(measured: Any, fitted: Any) -> Any:
+    return fitted
+
+
+class AbstractWeights(ABC):
+    """How scales are weighted in a fit."""
+
+    name: ClassVar[str]
+    """As texts call them."""
+    needs_theory: ClassVar[bool] = False
+    """Do they need the covariance of the wavelet variance?"""
+    inverts_covariance: ClassVar[bool] = False
+    """Are they the inverse of that covariance, so that the objective of a right model is chi-square?"""
+    num_rounds: ClassVar[int] = 1
+    """How often at most the fit is repeated with the weights under the last one, until it no longer changes."""
+    of_any_length: ClassVar[bool] = True
+    """Can records with different numbers of scales have them?"""
+    first: "AbstractWeights | None" = None
+    """Weights of the fit that these are made from; None if they need none."""
+
+    @abstractmethod
+    def omega(
+        self, wv: WaveletVariance, model: Composite | None = None, V: Float[np.ndarray, "J J"] | None = None
+    ) -> Float[np.ndarray, "J J"]:
+        """Omega for a wavelet variance of one channel.
+
+        Parameters
+        ----------
+        wv
+            One channel.
+        model
+            Of the fit with the weights `first`, for weights that need one.
+        V
+            Covariance of the wavelet variance under that model, for weights that need theory.
+        """
+
+    @property
+    def of_replicates(self) -> tuple[Width, ...]:
+        """What the weights of a replicate are made from, a fit after the other; none if it takes those of the data.
+
+        Weights from a covariance are those of the data: to first order that makes no difference.
+        """
+        return ()
+
+
+@dataclass(frozen=True)
+class Default(AbstractWeights):
     """1/(ci_high - ci_low)^2 on the diagonal."""
-    with np.errstate(divide="ignore", over="ignore"):
-        weights = 1 / (wv.ci_high - wv.ci_low) ** 2
-    if not np.all(np.isfinite(weights) & (weights > 0)):
-        raise ValueError(
-            f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of widths are {_BEYOND}"
-        )
-    return np.diag(weights)
+
+    name: ClassVar[str] = "default"
+
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+        """Omega, see `AbstractWeights.omega`; ValueError if it is beyond floating point."""
+        with np.errstate(divide="ignore", over="ignore"):
+            weights = 1 / (wv.ci_high - wv.ci_low) ** 2
+        if not np.all(np.isfinite(weights) & (weights > 0)):
+            raise ValueError(
+                f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of widths are {_BEYOND}"
+            )
+        return np.diag(weights)
+
+    @property
+    def of_replicates(self) -> tuple[Width, ...]:
+        """A replicate has the weights of its own intervals."""
+        return (_measured,)
 
 
-def given_weights(omega: Any, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
-    """A user's vector or matrix as a matrix, checked."""
-    J = wv.num_scales
-    omega = np.asarray(omega, dtype=np.float64)
-    if omega.shape == (J,):
-        omega = np.diag(omega)
-    if omega.shape != (J, J):
-        raise ValueError(f"omega must have the shape ({J},) or ({J}, {J}), one entry a scale; it has {omega.shape}.")
-    if not np.all(np.isfinite(omega)) or not np.allclose(omega, omega.T, rtol=1e-10, atol=0):
-        raise ValueError("omega must be finite and symmetric.")
-    scale = np.sqrt(np.abs(np.diag(omega)))
-    if np.any(scale == 0) or np.linalg.eigvalsh(omega / np.outer(scale, scale))[0] <= 0:
-        raise ValueError("omega must be positive definite: every eigenvalue above zero.")
-    return omega
+@dataclass(frozen=True)
+class TwoStep(AbstractWeights):
+    """The default weights with the variance of a first fit in place of the measured one."""
+
+    name: ClassVar[str] = "two-step"
+    first: AbstractWeights = Default()
+
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+        """Omega, see `AbstractWeights.omega`; ValueError if the model has no variance at some scale."""
+        fitted = np.asarray(_known(model, self).wavelet_variance(wv.scales))
+        if np.any(fitted <= 0):
+            raise ValueError(f"{self.name} weights need a model with a variance, and {model} has none at some scale.")
+        return np.diag((wv.variance / (fitted * (wv.ci_high - wv.ci_low))) ** 2)
+
+    @property
+    def of_replicates(self) -> tuple[Width, ...]:
+        """A replicate has the weights under its own first fit."""
+        return (*self.first.of_replicates, _fitted)
 
 
-def two_step_weights(model: Composite, wv: WaveletVariance) -> Float[np.ndarray, "J J"]:
-    """The default weights with the variance of a fitted model in place of the measured one."""
-    fitted = np.asarray(model.wavelet_variance(wv.scales))
-    if np.any(fitted <= 0):
-        raise ValueError(f"{TWO_STEP} weights need a model with a variance, and {model} has none at some scale.")
-    return np.diag((wv.variance / (fitted * (wv.ci_high - wv.ci_low))) ** 2)
+@dataclass(frozen=True)
+class Covariance(AbstractWeights):
+    """The inverse of the covariance of the wavelet variance under a first fit."""
+
+    name: ClassVar[str] = "covariance"
+    needs_theory: ClassVar[bool] = True
+    inverts_covariance: ClassVar[bool] = True
+    first: AbstractWeights = TwoStep()
+
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+        """Omega, see `AbstractWeights.omega`.
+
+        Raises
+        ------
+        ValueError
+            There is no theory, or V is singular to rounding, as that of a model with no noise but a drift, or without
+            any variance at some scale.
+        """
+        model = _known(model, self)
+        if V is None:
+            raise ValueError(f"There is no theory of the scatter of {model}: take other weights.")
+        sd = np.sqrt(np.diag(V))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            correlation = V / np.outer(sd, sd)
+        lowest = np.linalg.eigvalsh(correlation)[0] if np.all(np.isfinite(correlation)) else 0.0
+        if lowest < _SINGULAR:
+            raise ValueError(
+                f"The covariance of the wavelet variance under {model} is singular (smallest eigenvalue of the "
+                f"correlation {lowest:.1e}): its inverse cannot be weights. Take "
+                f'weights="{TwoStep.name}" or fewer scales.'
+            )
+        omega = np.linalg.inv(correlation) / np.outer(sd, sd)
+        return (omega + omega.T) / 2
 
 
-def require_theory(wv: WaveletVariance, what: str) -> int:
-    """Return N, or raise a ValueError: `what` needs the covariance of this wavelet variance, which is not known."""
-    if wv.num_samples is None or not wv.has_theory:
-        raise ValueError(
-            f"{what} need the covariance of the wavelet variance: the number of samples, all scales 2 .. 2^J, and the "
-            "MODWT."
-        )
-    return wv.num_samples
+@dataclass(frozen=True)
+class Iterated(AbstractWeights):
+    """The inverse covariance under the fit that it gives itself."""
+
+    name: ClassVar[str] = "iterated"
+    needs_theory: ClassVar[bool] = True
+    inverts_covariance: ClassVar[bool] = True
+    num_rounds: ClassVar[int] = 20
+    first: AbstractWeights = Covariance()
+
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+        """Omega, see `Covariance.omega`."""
+        return Covariance().omega(wv, model, V)
 
 
-def covariance_weights(model: Composite, V: Float[np.ndarray, "J J"]) -> Float[np.ndarray, "J J"]:
-    """Inverse of the covariance V of the wavelet variance under a model.
+@dataclass(frozen=True, eq=False)
+class Given(AbstractWeights):
+    """Weights of the user: the diagonal (J,), or a positive definite matrix (J, J)."""
 
-    Raises
-    ------
-    ValueError
-        V is singular to rounding, as that of a model with no noise but a drift, or without any variance at some scale.
-    """
-    sd = np.sqrt(np.diag(V))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = V / np.outer(sd, sd)
-    lowest = np.linalg.eigvalsh(correlation)[0] if np.all(np.isfinite(correlation)) else 0.0
-    if lowest < _SINGULAR:
-        raise ValueError(
-            f"The covariance of the wavelet variance under {model} is singular (smallest eigenvalue of the correlation "
-            f'{lowest:.1e}): its inverse cannot be weights. Take omega="{TWO_STEP}" or fewer scales.'
-        )
-    omega = np.linalg.inv(correlation) / np.outer(sd, sd)
-    return (omega + omega.T) / 2
+    name: ClassVar[str] = "given"
+    of_any_length: ClassVar[bool] = False
+    values: ArrayLike
+
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+        """Omega, see `AbstractWeights.omega`; ValueError if the values are no positive definite matrix of its size."""
+        J = wv.num_scales
+        omega = np.asarray(self.values, dtype=np.float64)
+        if omega.shape == (J,):
+            omega = np.diag(omega)
+        if omega.shape != (J, J):
+            raise ValueError(
+                f"weights must have the shape ({J},) or ({J}, {J}), one entry a scale; they have {omega.shape}."
+            )
+        if not np.all(np.isfinite(omega)) or not np.allclose(omega, omega.T, rtol=1e-10, atol=0):
+            raise ValueError("weights must be finite and symmetric.")
+        scale = np.sqrt(np.abs(np.diag(omega)))
+        if np.any(scale == 0) or np.linalg.eigvalsh(omega / np.outer(scale, scale))[0] <= 0:
+            raise ValueError("weights must be positive definite: every eigenvalue above zero.")
+        return omega
+
+
+WeightsLike: TypeAlias = AbstractWeights | str | ArrayLike | None
+"""What functions take as weights: an object, the name of one, an array for `Given`, or None for `Default`."""
+
+NAMED: dict[str, AbstractWeights] = {w.name: w for w in (Default(), TwoStep(), Covariance(), Iterated())}
+"""Weights that a text can stand for."""
+
+
+def as_weights(weights: WeightsLike) -> AbstractWeights:
+    """Return the weights that a text, an array or None stands for; raise ValueError for another text."""
+    if isinstance(weights, AbstractWeights):
+        return weights
+    if weights is None:
+        return Default()
+    if not isinstance(weights, str):
+        return Given(weights)
+    if weights not in NAMED:
+        names = ", ".join(f'"{name}"' for name in NAMED)
+        raise ValueError(f"weights are {names} or an array, and not {weights!r}.")
+    return NAMED[weights]
+
+
+def _known(model: Composite | None, weights: AbstractWeights) -> Composite:
+    if model is None:
+        raise ValueError(f"{weights.name} weights need a first fit: take default weights, or an array.")
+    return model

@@ -16,14 +16,15 @@ from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
-from gmwm_jax.fitting.refit import Refits, refit
+from gmwm_jax.fitting.refit import refit
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.tables import Estimate, EstimateTable
-from gmwm_jax.fitting.weights import require_theory
 from gmwm_jax.inference.intervals import continuous_intervals, interval, replicates_needed
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
 RECORDS, VARIANCES = "records", "variances"
+CHUNK = 64
+"""Replicates drawn and estimated at once, between two looks at the keyboard."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -160,10 +161,6 @@ class Bootstrap(Drawable):
         return result
 
 
-_CHUNK = 64
-"""Replicates refitted at once."""
-
-
 def bootstrap(
     fit: Fit,
     num_replicates: int = 500,
@@ -204,7 +201,7 @@ def bootstrap(
     num_replicates = integer("num_replicates", num_replicates, 1)
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
-    require_theory(fit.wv, "Replicates")
+    fit.wv.require_theory("Replicates")
     if route == RECORDS and fit.wv.efficiency is not None:
         raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
     if route == VARIANCES and fit.wv_covariance is None:
@@ -216,21 +213,20 @@ def bootstrap(
         draw = theory_draws(fit.model, fit.wv, np.asarray(fit.wv_covariance))
     else:
         draw = record_draws(fit.model, fit.wv)
-    done: list[tuple[np.ndarray, Refits]] = []
+    done: list[tuple[np.ndarray, ...]] = []
     bar = progress_bar(num_replicates, "replicate", progress)
     try:
-        for first in range(0, num_replicates, _CHUNK):
-            nu = draw(keys[first : first + _CHUNK])
+        for first in range(0, num_replicates, CHUNK):
+            nu = draw(keys[first : first + CHUNK])
             # by pairs a variance may be negative by chance: such a replicate is a failure
             good = np.all(nu > 0, axis=1)
-            found = refit(fit, np.where(good[:, None], nu, fit.fitted), _CHUNK)
-            done.append((nu, found._replace(converged=found.converged & good)))
+            found = refit(fit, np.where(good[:, None], nu, fit.fitted))
+            done.append((nu, found.values, found.objective, found.converged & good))
             bar.update(len(nu))
     except KeyboardInterrupt:
         if not done:
             raise
     finally:
         bar.close()
-    nu = np.concatenate([nu for nu, _ in done])
-    refits = Refits(*(np.concatenate(leaves) for leaves in zip(*(r for _, r in done), strict=True)))
-    return Bootstrap(fit, route, nu, *refits, num_requested=num_replicates)
+    columns = (np.concatenate(leaves) for leaves in zip(*done, strict=True))
+    return Bootstrap(fit, route, *columns, num_requested=num_replicates)

@@ -1,22 +1,20 @@
 """Does a model describe the data? A chi-square test over all scales, and the pull of each scale.
 
 Residuals at the estimate are r = M (nu_hat - nu) to first order, M = 1 - A B with A = d nu/d eta and B the estimator's
-derivative (`inference`), so their covariance is M V M', of rank J less the number of parameters. Hence the statistic
-r' (M V M')^+ r, asymptotically chi-square for whatever weights (Hansen 1982; with the inverse covariance as weights it
-is the objective itself, Sargan's and Hansen's J). Wavelet variances at the longest spans are far from normal: with few
-degrees of freedom at many scales, prefer the p-value of a `bootstrap`.
+derivative (`Fit.derivatives`), so their covariance is M V M', of rank J less the number of parameters. Hence the
+statistic r' (M V M')^+ r, asymptotically chi-square for whatever weights (Hansen 1982; with the inverse covariance as
+weights it is the objective itself, Sargan's and Hansen's J). Wavelet variances at the longest spans are far from
+normal: with few degrees of freedom at many scales, prefer the p-value of a `bootstrap`.
 """
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtrc
 
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.result import Fit
-from gmwm_jax.fitting.standard_errors import estimator_derivatives
 
 _RANK = 1e-9
 """Of the largest eigenvalue of the correlation of the residuals: below it there is no residual."""
@@ -74,12 +72,8 @@ def goodness_of_fit(fit: Fit) -> GoodnessOfFit:
     V = fit.wv_covariance
     if V is None:
         raise ValueError("A test of fit needs the number of samples, the scales 2 .. 2^J, the MODWT, and no SIN.")
-    J = fit.wv.num_scales
-    M = np.eye(J)
-    if fit.active:
-        whitener = jnp.asarray(np.linalg.cholesky(fit.omega).T)
-        A, B = estimator_derivatives(fit.model, fit.active, jnp.asarray(fit.wv.scales), whitener)
-        M = M - np.asarray(A) @ np.asarray(B)
+    A, B = fit.derivatives
+    M = np.eye(fit.wv.num_scales) - A @ B
     statistic, dof, p_value, pulls = chi_square(fit.residuals, M, V)
     return GoodnessOfFit(fit, statistic, dof, p_value, pulls)
 

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.checks import confidence
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.standard_errors import delta_method, evaluate, parameter_covariance
-from gmwm_jax.fitting.tables import Estimate, EstimateTable, LogQuantities, logs_of
+from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.processes.base import Composite
 
 KINDS = ("percentile", "basic", "studentised")
@@ -58,7 +58,7 @@ def continuous_intervals(
     fit: Fit, good: Float[np.ndarray, "G P"], kind: str, level: float, table: EstimateTable
 ) -> list[Estimate]:
     """The entries of a table of continuous-time quantities of a fit, with intervals from replicates."""
-    return in_table(fit, table, *_ends(fit, good, log_quantities(fit), kind, level))
+    return in_table(fit, table, *_ends(fit, good, fit.log_quantities, kind, level))
 
 
 def as_parameters(
@@ -75,16 +75,11 @@ def as_parameters(
     return back(low), back(high)
 
 
-def log_quantities(fit: Fit) -> LogQuantities:
-    """The logs of all continuous-time quantities of a fit."""
-    return logs_of(fit.model, float(fit.rate or 0.0))
-
-
 def in_table(
     fit: Fit, table: EstimateTable, low: Float[np.ndarray, " Q"], high: Float[np.ndarray, " Q"]
 ) -> list[Estimate]:
-    """The entries of a table of continuous-time quantities, with intervals given for `log_quantities`."""
-    logs = log_quantities(fit)
+    """The entries of a table of continuous-time quantities, with intervals given for `Fit.log_quantities`."""
+    logs = fit.log_quantities
     at_estimate = np.asarray(evaluate(logs, fit.model))
     low, high = np.exp(low - at_estimate), np.exp(high - at_estimate)
     names = [(label, q.symbol) for label, qs in zip(fit.model.labels, logs.quantities, strict=True) for q in qs]

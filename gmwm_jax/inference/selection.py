@@ -1,6 +1,6 @@
 """`select`: which model describes a wavelet variance, of all sub-models of a superset?
 
-All candidates are fitted with the same weights in one compiled call (`_sweep`) and ranked by the wavelet
+All candidates are fitted with the same weights in one compiled call (`fitting.sweep`) and ranked by the wavelet
 information criterion (`_criterion`) with the covariance of the wavelet variance under the superset: the largest
 model is the least wrong one. Differences have standard errors. A model that no other is significantly better than is
 equivalent to the best. Such a model may still claim less scatter at long spans than the data have, which the covariance
@@ -27,9 +27,10 @@ from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit, Fits, Status
-from gmwm_jax.fitting.weights import COVARIANCE, DEFAULT, GIVEN, ITERATED, require_theory
+from gmwm_jax.fitting.sweep import Sweep, sweep
+from gmwm_jax.fitting.weights import WeightsLike
 from gmwm_jax.inference._criterion import optimism, projection, standard_error
-from gmwm_jax.inference._sweep import Subset, Sweep, common_superset, components, resweep, submodels, sweep, text_of
+from gmwm_jax.inference._submodels import Subset, common_superset, components, submodels, text_of
 from gmwm_jax.inference.goodness import chi_square
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
@@ -178,7 +179,7 @@ class Selection(Mapping[str, Candidate], Drawable):
         how = f"{self.num_replicates} replicates" if self.num_replicates else "theory"
         lines = [
             f"Model selection for {wv.channels[0]} [{self.superset.unit}]: {len(self)} models within "
-            f"{' + '.join(self.superset.model.labels)}, {self.superset.weights} weights, optimism by {how}",
+            f"{' + '.join(self.superset.model.labels)}, {self.superset.weights.name} weights, optimism by {how}",
             format_table(head, rows),
         ]
         contained = sum(bool(c.contained_in) for c in self.candidates)
@@ -197,7 +198,7 @@ class Selection(Mapping[str, Candidate], Drawable):
         return {
             "channel": self.superset.wv.channels[0],
             "unit": self.superset.unit,
-            "weights": self.superset.weights,
+            "weights": self.superset.weights.name,
             "level": self.level,
             "num_replicates": self.num_replicates,
             "recommended": self.recommended.name,
@@ -247,7 +248,7 @@ def select(
     *,
     nested: bool = True,
     rate: float | None = None,
-    omega: Any = COVARIANCE,
+    weights: WeightsLike = "covariance",
     num_replicates: int = 0,
     key: PRNGKey | None = None,
     level: float = 0.95,
@@ -267,8 +268,8 @@ def select(
         altogether are in every sub-model.
     rate, level
         As for `fit`.
-    omega
-        Weights as for `fit` (None for its default), but those of the superset for all models: only then do objectives
+    weights
+        As for `fit` (None for its default), but those of the superset for all models: only then do objectives
         compare. With those of the covariance an objective is chi-square for a right model, and the optimism twice the
         number of parameters; others tell less well what is right.
     num_replicates
@@ -307,8 +308,8 @@ def select(
         typed_key(key)
     superset, subsets = _candidates(models, nested)
     wv = as_wavelet_variance(data, "select")
-    require_theory(wv, "Criteria")
-    found = fit(wv, superset, rate=rate, omega=omega, level=level)
+    wv.require_theory("Criteria")
+    found = fit(wv, superset, rate=rate, weights=weights, level=level)
     fits = tuple(found.values()) if isinstance(found, Fits) else (found,)
     selections = tuple(_select(f, superset, subsets, num_replicates, key, progress) for f in fits)
     return selections[0] if wv.is_single else Selections(selections)
@@ -331,11 +332,10 @@ def _select(
     whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, progress: bool
 ) -> Selection:
     # the covariance that the weights are the inverse of is that of the fit before
-    V = np.linalg.inv(whole.omega) if whole.weights in (COVARIANCE, ITERATED) else whole.wv_covariance
+    V = np.linalg.inv(whole.omega) if whole.weights.inverts_covariance else whole.wv_covariance
     if V is None:
         raise ValueError(f"There is no theory of the scatter of {superset}: leave SIN out, or take it off the record.")
-    weights = DEFAULT if whole.weights == DEFAULT else GIVEN
-    swept = sweep(superset, subsets, whole.wv, whole.omega, weights=weights, rate=whole.rate, level=whole.level)
+    swept = sweep(whole, superset, subsets)
     fits = swept.fits
     L = np.linalg.cholesky(whole.omega).T  # L' of the formulas
     S = L @ V @ L.T
@@ -400,7 +400,7 @@ def _optimism_of_replicates(
     nu = theory_draws(whole.model, whole.wv, V)(keys)
     bar = progress_bar(len(swept.fits) * num, "fit", progress)
     try:
-        fitted = resweep(swept, nu, bar.update)
+        fitted = swept.again(nu, bar.update)
     finally:
         bar.close()
     L = np.linalg.cholesky(whole.omega).T

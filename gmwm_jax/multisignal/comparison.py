@@ -21,7 +21,6 @@ from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.standard_errors import parameter_covariance
-from gmwm_jax.fitting.weights import require_theory
 from gmwm_jax.multisignal.joint import JointFit, one_channel
 from gmwm_jax.processes.parameter import Parameter
 
@@ -160,7 +159,7 @@ def compare_records(joint: JointFit) -> RecordComparison:
     """
     joint = one_channel(joint, "compare_records")
     for name, r in zip(joint.names, joint.records, strict=True):
-        require_theory(r.wv, f"Comparisons (record {name})")
+        r.wv.require_theory(f"Comparisons (record {name})")
     covariances = joint.record_covariances
     if covariances is None:
         raise ValueError(f"There is no theory of the scatter of {joint.model}.")

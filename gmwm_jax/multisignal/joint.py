@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,19 +11,11 @@ from jaxtyping import Float
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, typed_key
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
-from gmwm_jax.fitting.estimator import fit_channels, require_fittable
+from gmwm_jax.fitting.estimator import fit_by_steps, fit_channels
 from gmwm_jax.fitting.result import Fit, Fits, Status
 from gmwm_jax.fitting.standard_errors import parameter_covariance
 from gmwm_jax.fitting.tables import ZERO
-from gmwm_jax.fitting.weights import (
-    COVARIANCE,
-    DEFAULT,
-    TWO_STEP,
-    covariance_weights,
-    default_weights,
-    require_theory,
-    two_step_weights,
-)
+from gmwm_jax.fitting.weights import AbstractWeights, Covariance, WeightsLike, as_weights
 from gmwm_jax.multisignal._pool import Pool, as_records, pool, pooled, record_names
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Fixed
@@ -93,7 +85,7 @@ class JointFit(Fit):
         covariances = self.record_covariances
         if covariances is None or not self.active:
             return None
-        best = [covariance_weights(self.model, V) for V in covariances]
+        best = [Covariance().omega(r.wv, self.model, V) for r, V in zip(self.records, covariances, strict=True)]
         used = [r.omega for r in self.records] if omega is None else list(omega)
         return np.diag(self._sandwich(best, covariances)) / np.diag(self._sandwich(used, covariances))
 
@@ -116,8 +108,6 @@ class JointFit(Fit):
             A record has fewer scales than the model free parameters.
         """
         model = _unfitted(self)
-        for r in self.records:
-            require_fittable(model, r.wv)
         # one after the other: the compiled search of the joint fit serves all
         options: Any = {"rate": self.rate, "key": None, "level": self.level, "weights": self.weights}
         return tuple(fit_channels([r.wv], model, [r.omega], **options)[0] for r in self.records)
@@ -129,7 +119,7 @@ class JointFit(Fit):
         lines = [
             f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {len(self.records)} records of "
             f"{wv.channels[0]} [{self.unit}]{rate}",
-            f"objective {self.objective:.8g} ({self.weights} weights) with {self.model.num_free} free parameters; "
+            f"objective {self.objective:.8g} ({self.weights.name} weights) with {self.model.num_free} free parameters; "
             f"{self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
             "",
             str(self.parameters()),
@@ -211,7 +201,7 @@ def fit_records(
     model: str | AbstractProcess | Composite,
     *,
     rate: float | None = None,
-    omega: str | None = None,
+    weights: WeightsLike = None,
     key: PRNGKey | None = None,
     level: float = 0.95,
     throw: bool = True,
@@ -228,10 +218,9 @@ def fit_records(
         record says nothing on scales that it does not have.
     model, rate, key, level, throw
         As of `fit`.
-    omega
-        Weights: None for 1/(ci_high - ci_low)^2 of each record, so that objectives compare with R's mgmwm;
-        ``"two-step"`` for the same with the variance of the joint first fit in place of the measured ones, which takes
-        out a bias; ``"covariance"`` for the inverse of the whole covariance of each under that two-step fit.
+    weights
+        As of `fit`, of each record under the joint fit; no array, since records differ in length. The default compares
+        with R's mgmwm.
 
     Returns
     -------
@@ -253,21 +242,27 @@ def fit_records(
     model = as_model(model)
     records = as_records(data, "fit_records")
     rate = agreed_rate(records[0].rate, rate)
-    require_fittable(model, max(records, key=lambda wv: wv.num_scales))
-    if omega not in (None, TWO_STEP, COVARIANCE):
-        raise ValueError(f'omega must be None, "{TWO_STEP}" or "{COVARIANCE}", and is {omega!r}.')
-    if omega == COVARIANCE:
+    weights = as_weights(weights)
+    if not weights.of_any_length:
+        raise ValueError("fit_records() takes weights by name or as an object: an array suits one record.")
+    if weights.needs_theory:
         for wv in records:
-            require_theory(wv, f'Weights "{omega}"')
+            wv.require_theory(f'Weights "{weights.name}"')
     channels = [[wv[c] for wv in records] for c in range(len(records[0].channels))]
-    search = partial(
-        _joint_channels, channels, model, rate=rate, key=key, level=level, weights=DEFAULT if omega is None else omega
-    )
-    fits = search([[default_weights(wv) for wv in channel] for channel in channels])
-    if omega is not None:
-        fits = search([_two_step(f) for f in fits])
-    if omega == COVARIANCE:
-        fits = search([_inverse_covariances(f) for f in fits])
+
+    def search(omegas: list[list[np.ndarray]], weights: AbstractWeights) -> list[Any]:
+        return _joint_channels(channels, model, omegas, rate=rate, key=key, level=level, weights=weights)
+
+    def omegas_of(weights: AbstractWeights, c: int, before: Any) -> list[Float[np.ndarray, "_ _"]]:
+        if before is None:
+            return [weights.omega(wv) for wv in channels[c]]
+        if before.status is Status.non_finite:  # the weights that it had
+            return [r.omega for r in before.records]
+        covariances = before.record_covariances if weights.needs_theory else None
+        covariances = [None] * len(records) if covariances is None else covariances
+        return [weights.omega(wv, before.model, V) for wv, V in zip(channels[c], covariances, strict=True)]
+
+    fits: list[JointFit] = fit_by_steps(weights, len(channels), omegas_of, search)  # type: ignore[assignment]
     if throw:
         for f in fits:
             if f.status is not Status.converged:
@@ -296,19 +291,3 @@ def _joint(fit: Fit, wvs: list[WaveletVariance], omegas: list[np.ndarray], both:
     )
     known = {f.name: getattr(fit, f.name) for f in fields(Fit)}
     return JointFit(**{**known, "objective": float(parts.sum())}, records=records)
-
-
-def _two_step(joint: JointFit) -> list[Float[np.ndarray, "_ _"]]:
-    """Two-step weights of each record under the joint fit; those it had if there is none."""
-    if joint.status is Status.non_finite:
-        return [r.omega for r in joint.records]
-    return [two_step_weights(joint.model, r.wv) for r in joint.records]
-
-
-def _inverse_covariances(joint: JointFit) -> list[Float[np.ndarray, "_ _"]]:
-    """Weights of each record from its covariance under the joint fit; those it had if there is none."""
-    if joint.status is Status.non_finite:
-        return [r.omega for r in joint.records]
-    if joint.record_covariances is None:
-        raise ValueError(f"There is no theory of the scatter of {joint.model}: take other weights.")
-    return [covariance_weights(joint.model, V) for V in joint.record_covariances]

@@ -32,7 +32,6 @@ from gmwm_jax.inference.intervals import (
     as_parameters,
     in_table,
     line,
-    log_quantities,
     on_the_line,
     replicated,
     replicates_needed,
@@ -135,7 +134,7 @@ class RecordResamples:
         return self.joint.level if level is None else confidence(level)
 
     def _continuous(self, table: EstimateTable, kind: str, level: float | None) -> EstimateTable:
-        ends = self._ends(log_quantities(self.joint), kind, self._level(level))
+        ends = self._ends(self.joint.log_quantities, kind, self._level(level))
         return self._table(table, in_table(self.joint, table, *ends), kind, level)
 
     def _table(self, table: EstimateTable, shown: list[Estimate], kind: str, level: float | None) -> EstimateTable:

@@ -19,10 +19,9 @@ from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
-from gmwm_jax.fitting.weights import COVARIANCE, TWO_STEP, require_theory
-from gmwm_jax.inference.bootstrapping import RECORDS, VARIANCES
+from gmwm_jax.inference.bootstrapping import CHUNK, RECORDS, VARIANCES
 from gmwm_jax.multisignal._pool import Pool
-from gmwm_jax.multisignal._refit import CHUNK, joint_refit
+from gmwm_jax.multisignal._refit import joint_refit
 from gmwm_jax.multisignal.joint import JointFit, one_channel
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
@@ -145,7 +144,7 @@ def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
     for name, r in zip(joint.names, joint.records, strict=True):
-        require_theory(r.wv, f"Replicates (record {name})")
+        r.wv.require_theory(f"Replicates (record {name})")
     if np.any(joint.fitted <= 0):
         raise ValueError(f"{joint.model} has no variance at some scale: there is nothing to replicate.")
     if route == RECORDS:
@@ -172,13 +171,15 @@ def _objectives(joint: JointFit, variances: Float[np.ndarray, "B R J"]) -> tuple
         weight = 1 / (width * np.where(there, nu, 1.0)) ** 2
         return weight[:, :, :, None] * np.eye(weight.shape[2])
 
-    both = Pool(variances, np.broadcast_to(joint.pool.omegas, (len(variances), *joint.pool.omegas.shape)))
-    if joint.weights != COVARIANCE:
-        both = Pool(variances, diagonal(variances))
-    found = joint_refit(joint, both.omegas.sum(axis=1), both.moments.sum(axis=1))
-    if joint.weights == TWO_STEP:
+    steps = joint.weights.of_replicates
+    if not steps:
+        both = Pool(variances, np.broadcast_to(joint.pool.omegas, (len(variances), *joint.pool.omegas.shape)))
+        found = joint_refit(joint, both.omegas.sum(axis=1), both.moments.sum(axis=1))
+    fitted = variances
+    for in_width in steps:
+        both = Pool(variances, diagonal(in_width(variances, fitted)))
+        found = joint_refit(joint, both.omegas.sum(axis=1), both.moments.sum(axis=1))
         # without any variance at a scale there is no second step
         some = np.all(found.fitted > 0, axis=1)[:, None, None]
-        both = Pool(variances, diagonal(np.where(some, found.fitted[:, None, :], variances)))
-        found = joint_refit(joint, both.omegas.sum(axis=1), both.moments.sum(axis=1))
+        fitted = np.where(some, found.fitted[:, None, :], variances)
     return both.objectives(found.fitted).sum(axis=1), found.converged

@@ -3,8 +3,8 @@
 import numpy as np
 
 from gmwm_jax._internal.checks import finite_record
+from gmwm_jax.units import time_size
 
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 _GAP = 1.5
 """A step of more than so many median steps misses at least one sample, which jitter does not explain."""
 
@@ -27,8 +27,7 @@ def rate_of_time(time: np.ndarray, unit: str = "s") -> float:
         Time that does not increase, has a gap (a step above 1.5 median steps), is not finite or no number; fewer than
         two values; or an unknown unit.
     """
-    if unit not in _SECONDS:
-        raise ValueError(f"Unknown unit of time {unit!r}; it is one of: {', '.join(_SECONDS)}.")
+    size = time_size(unit)
     if time.dtype.kind not in "iufM":
         raise ValueError(f"The column of time holds {time.dtype} ({time[:1].tolist()} ...), and no numbers.")
     if len(time) < 2:
@@ -38,7 +37,7 @@ def rate_of_time(time: np.ndarray, unit: str = "s") -> float:
     else:
         # the first is subtracted while integers are exact, and in 64 bits, where a counter that fell back shows
         ticks = time.astype(np.float64 if time.dtype.kind == "f" else np.int64)
-        seconds = (ticks - ticks[0]) * _SECONDS[unit]
+        seconds = (ticks - ticks[0]) * size
     finite_record(seconds, "the column of time")
     steps = np.diff(seconds)
     median = np.median(steps)

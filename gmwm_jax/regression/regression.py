@@ -35,7 +35,6 @@ from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit
-from gmwm_jax.fitting.weights import TWO_STEP
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.processes.whitening import GeneralisedLeastSquares, covariance_times, generalised_least_squares
@@ -268,7 +267,7 @@ def regress(
         low, high = interval_factors(eta)
         values = (scales(len(nu)), nu, nu * low, nu * high, len(y), 0.95, rate)
         wv = WaveletVariance(*values, (name,), (unit,), name, present=None if pairs is None else present)
-        return fit(wv, model, omega=TWO_STEP, level=level)
+        return fit(wv, model, weights="two-step", level=level)
 
     def least_squares(noise: Fit) -> GeneralisedLeastSquares:
         return jax.tree.map(np.asarray, generalised_least_squares(noise.reduced, rest, X.basis, present))

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from gmwm_jax._internal.checks import finite_record
+from gmwm_jax._internal.cores import num_threads
 from gmwm_jax.variance.haar import check_num_levels
 
 _FINE_LEVELS = 10
@@ -65,7 +66,7 @@ def host_wavelet_variance(
     if not np.isfinite(origin):
         finite_record(np.asarray(x), name)
     # Blocks do not depend on each other, and NumPy leaves the interpreter lock: one thread a core.
-    workers = os.cpu_count() or 1
+    workers = num_threads()
     with working_array(num, scratch) as S, ThreadPoolExecutor(workers) as pool:
         starts = range(0, num, _BLOCK)
         shares = [starts[w::workers] for w in range(workers)]

@@ -37,6 +37,7 @@ from jaxtyping import Float, Shaped
 from scipy.optimize import brentq
 
 from gmwm_jax._internal.checks import finite_record
+from gmwm_jax._internal.cores import num_threads
 from gmwm_jax.variance.blocked import working_array
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, scales
 
@@ -170,7 +171,7 @@ def robust_wavelet_variance(
     variances, solved = np.empty(J), np.empty(J, dtype=bool)
     with ExitStack() as stack:
         S, T, squares = (stack.enter_context(working_array(num, scratch)) for _ in range(3))
-        team = stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
+        team = stack.enter_context(ThreadPoolExecutor(num_threads()))
         _in_blocks(team, num, lambda block: np.subtract(x[block], origin, out=S[block], dtype=np.float64))
         for j in range(J):
             n, M = 1 << j, num - (2 << j) + 1
@@ -190,7 +191,7 @@ def robust_wavelet_variance(
 
 def _in_blocks(team: ThreadPoolExecutor, size: int, work: Callable[[slice], Any]) -> list[Any]:
     """Work on blocks of 0 .. size that do not depend on each other, on all cores: NumPy leaves the interpreter lock."""
-    workers = os.cpu_count() or 1
+    workers = num_threads()
     starts = range(0, size, _BLOCK)
     if len(starts) == 1:
         return [work(slice(0, size))]

@@ -146,6 +146,15 @@ class WaveletVariance(Drawable):
         dyadic = np.array_equal(self.scales, 2.0 ** np.arange(1, self.num_scales + 1))
         return self.num_samples is not None and self.method == "modwt" and dyadic
 
+    def require_theory(self, what: str) -> int:
+        """Return N, or raise a ValueError: `what` needs the covariance of this wavelet variance, which is not known."""
+        if self.num_samples is None or not self.has_theory:
+            raise ValueError(
+                f"{what} need the covariance of the wavelet variance: the number of samples, all scales 2 .. 2^J, and "
+                "the MODWT."
+            )
+        return self.num_samples
+
     @property
     def missing(self) -> str:
         """The number of missing samples in words; "" if none is missing."""

@@ -12,18 +12,18 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
+from gmwm_jax.units import convert, names
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
-from nav_jax.imu.errors import ImuErrors, convert_unit, fitted_errors, recorded_errors, sensor_errors
+from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics.earth import STANDARD_GRAVITY
 from nav_jax.trajectory import motions
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.trajectory import Trajectory
 
-_LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -51,13 +51,11 @@ def quantity(value: Any, si: str) -> float:
     if found is None or not found[2]:
         raise ValueError(f'expected a number in {si}, or a text with its unit such as "1 {si}", and this is {value!r}')
     number, unit = float(found[1]), found[2]
-    if si == "m" or unit in _LENGTHS:
-        if si != "m" or unit not in _LENGTHS:
-            raise ValueError(
-                f"{value!r} has a unit that is no {si}" + f"; lengths are in {', '.join(_LENGTHS)}" * (si == "m")
-            )
-        return number * _LENGTHS[unit]
-    return float(convert_unit(number, unit, si))
+    try:
+        return convert(number, unit, si)
+    except ValueError as error:
+        why = f"lengths are in {', '.join(names('m'))}" if si == "m" else str(error)
+        raise ValueError(f"{value!r} has a unit that is no {si}; {why}") from error
 
 
 def _one_or_three(value: Any, si: str) -> float | list[float]:

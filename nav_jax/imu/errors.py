@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from gmwm_jax import Composite, datasets, read_recording, units
+from gmwm_jax import Composite, datasets, read_recording
 from gmwm_jax._internal.checks import as_float, concrete, positive, sampling_rate
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
@@ -253,10 +253,6 @@ def recorded_errors(path: str | os.PathLike[str], **options: Any) -> RecordedErr
         for sensor in ("accel", "gyro")
     )
     return RecordedErrors(accel, gyro, sampling_rate(recording.rate))
-
-
-convert_unit = units.convert
-"""``convert_unit(2, "deg/h", "rad/s")``."""
 
 
 def _term(process: Mapping[str, Any]) -> str:

@@ -5,7 +5,6 @@ releases the interpreter while it computes), so that the covariances of a chunk 
 numbers of a run depend on its key alone.
 """
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, typed_key
+from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.progress import progress_bar
 from nav_jax.filter.experiment import (
     GAINS,
@@ -131,7 +131,8 @@ def compare(
     chunk_size
         Runs computed at once. It changes speed and memory, not the numbers.
     workers
-        Threads; as many as there are cores unless told otherwise, one on a GPU.
+        Threads; as many as cores that the process may use (or as the environment variable ``GMWM_JAX_NUM_THREADS``
+        says) unless told otherwise, one on a GPU.
     keep
         Numbers of runs whose whole trajectory is kept.
     progress
@@ -162,7 +163,7 @@ def compare(
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
     setup = Setup(scenario, check_rates(truth, filters))
     on_cpu = jax.default_backend() == "cpu"
-    workers = (_cores() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
+    workers = (num_threads() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
     if smooth and chunk_size is None and not on_reference:
@@ -246,11 +247,6 @@ def _smoothed_at_once(setup: Setup, num_states: int, workers: int) -> int:
     """Runs whose covariances and transitions a smoother can keep in memory."""
     each = 2 * 8 * setup.schedule.pattern.shape[0] * num_states**2
     return max(1, _SMOOTHER_BYTES // (each * workers))
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _outputs(setup: Setup, outcome: Any) -> tuple[Any, ...]:

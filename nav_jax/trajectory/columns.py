@@ -7,7 +7,8 @@ import numpy as np
 
 from gmwm_jax._internal.checks import real_array
 from gmwm_jax._internal.columns import Columns, plain_name
-from nav_jax.kinematics.earth import STANDARD_GRAVITY
+from gmwm_jax.units import names as units_of
+from gmwm_jax.units import size, time_size, written
 
 POSITION = {"ned": ("north", "east", "down"), "geodetic": ("latitude", "longitude", "height")}
 ATTITUDE = ("roll", "pitch", "yaw")
@@ -35,18 +36,15 @@ _ALIASES = {
 }
 """Quantity -> plain names by which it is known, without the unit."""
 
-_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
-_ANGLES = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "deg": np.pi / 180, "degree": np.pi / 180, "degrees": np.pi / 180}
-_ANGLES |= {"degrees_north": np.pi / 180, "degrees_east": np.pi / 180}
-_UNITS = {
-    "time": _TIME_UNITS | {"sec": 1.0, "seconds": 1.0},
-    **{name: _ANGLES for name in ("latitude", "longitude", *ATTITUDE)},
-    **{name: {"m": 1.0, "km": 1e3} for name in (*POSITION["ned"], "height")},
-    **{name: {"m_s": 1.0, "mps": 1.0, "m_s_1": 1.0, "km_h": 1 / 3.6} for name in VELOCITY},
-    **{name: {"rad_s": 1.0, "deg_s": np.pi / 180, "deg_h": np.pi / 180 / 3600} for name in GYRO},
-    **{name: {"m_s_2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY} for name in ACCEL},
+_SI = {
+    "time": "s",
+    **dict.fromkeys(("latitude", "longitude", *ATTITUDE), "rad"),
+    **dict.fromkeys((*POSITION["ned"], "height"), "m"),
+    **dict.fromkeys(VELOCITY, "m/s"),
+    **dict.fromkeys(GYRO, "rad/s"),
+    **dict.fromkeys(ACCEL, "m/s^2"),
 }
-"""Quantity -> unit as it follows a name (``yaw_deg``), or as an attribute of xarray made plain -> factor to SI."""
+"""Quantity -> the SI unit that measures it."""
 
 
 class Reader:
@@ -87,10 +85,10 @@ class Reader:
         if values.dtype.kind == "m":
             return values / np.timedelta64(1, "s")
         stated = self._stated("time")
-        if self.time_unit is not None and self.time_unit not in _TIME_UNITS:
-            raise ValueError(f"Unknown unit of time {self.time_unit!r}; it is one of: {', '.join(_TIME_UNITS)}.")
+        if self.time_unit is not None:
+            time_size(self.time_unit)  # known
         unit = self._agreed("time", stated, self.time_unit, "time_unit") or "s"
-        return real_array("The column of time", values, (None,)) * _UNITS["time"][unit]
+        return real_array("The column of time", values, (None,)) * size(unit, "s")
 
     def three(self, names: Sequence[str]) -> np.ndarray:
         """Columns side by side, (N, 3)."""
@@ -98,55 +96,63 @@ class Reader:
 
     def sensor(self, names: Sequence[str], unit: str | None, argument: str) -> np.ndarray:
         """The three axes of an inertial sensor side by side, (N, 3), in a unit that is stated here or by the source."""
-        known = _UNITS[names[0]]
-        if unit is not None and plain_name(unit) not in known:
-            raise ValueError(f"{argument} is one of {', '.join(known)}, and is {unit!r}.")
+        si = _SI[names[0]]
+        if unit is not None and not _measures(unit, si):
+            raise ValueError(f"{argument} is one of {', '.join(units_of(si))}, and is {unit!r}.")
         columns = []
         for name in names:
-            agreed = self._agreed(name, self._stated(name), None if unit is None else plain_name(unit), argument)
+            agreed = self._agreed(name, self._stated(name), unit, argument)
             if agreed is None:
                 raise ValueError(f"The unit of {name} is not stated: give {argument}. It is never guessed.")
-            columns.append(known[agreed] * real_array(f"The column of {name}", self.values[name], (None,)))
+            columns.append(size(agreed, si) * real_array(f"The column of {name}", self.values[name], (None,)))
         return np.stack(columns, axis=1)
 
     def _si(self, name: str) -> np.ndarray:
         values = real_array(f"The column of {name}", self.values[name], (None,))
         unit = self._stated(name)
-        if _UNITS[name] is not _ANGLES:
-            return values * (_UNITS[name][unit] if unit else 1.0)
+        if _SI[name] != "rad":
+            return values * (size(unit, _SI[name]) if unit else 1.0)
         unit = self._agreed(name, unit, self.angles[name] or self.table.angles, "angles")
         if unit is None:
             raise ValueError(
                 f'The unit of {name} is not stated: give angles="rad" or angles="deg", or for both kinds of angles as '
                 'in {"position": "deg", "attitude": "rad"}. It is never guessed.'
             )
-        if _ANGLES[unit] == 1.0 and np.abs(values).max(initial=0.0) > 4 * np.pi and name in ("roll", "pitch"):
+        if size(unit, "rad") == 1.0 and np.abs(values).max(initial=0.0) > 4 * np.pi and name in ("roll", "pitch"):
             raise ValueError(f"The {name} reaches {np.abs(values).max():.4g}, which is no angle in rad but one in deg.")
-        return values * _ANGLES[unit]
+        return values * size(unit, "rad")
 
     def _stated(self, quantity: str) -> str | None:
         """The unit that the source states for a quantity, by an attribute or behind its name."""
         if self.table.names is None:
             return None
         name = self.table.names[self.numbers[quantity]]
-        known = _UNITS[quantity]
         if name in self.table.units:
-            unit = plain_name(self.table.units[name])
-            if unit not in known:
-                raise ValueError(f"The unit of {name} is {self.table.units[name]!r}; known are: {', '.join(known)}.")
+            unit = self.table.units[name]
+            if not _measures(unit, _SI[quantity]):
+                known = ", ".join(units_of(_SI[quantity]))
+                raise ValueError(f"The unit of {name} is {unit!r}; known are: {known}.")
             return unit
         return _split(quantity, plain_name(name))[1]
 
     @staticmethod
     def _agreed(name: str, stated: str | None, given: str | None, argument: str) -> str | None:
-        if stated and given and _UNITS[name][stated] != _UNITS[name][given]:
+        if stated and given and size(stated, _SI[name]) != size(given, _SI[name]):
             raise ValueError(f"{argument} says that {name} is in {given}, and the source says {stated}.")
         return stated or given
 
 
+def _measures(unit: str, si: str) -> bool:
+    try:
+        size(unit, si)
+    except ValueError:
+        return False
+    return True
+
+
 def _split(quantity: str, name: str) -> tuple[str, str | None]:
     """Divide a plain name into that of a quantity and its unit."""
-    for unit in _UNITS[quantity]:
+    for unit in sorted(written(_SI[quantity]), key=len, reverse=True):
         if name.endswith(f"_{unit}"):
             return name.removesuffix(f"_{unit}"), unit
     return name, None

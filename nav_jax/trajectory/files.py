@@ -63,8 +63,8 @@ def read_trajectory(
         Which columns to use, by name or number: in the order said above (7 or 10), or as in ``{"yaw": "heading"}`` for
         those that are not found by their names.
     time_unit
-        ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another. Timestamps need none:
-        they become seconds since the first.
+        ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another. Timestamps need
+        none: they become seconds since the first.
     origin
         Latitude, longitude (rad) and height (m) of the origin; the first point unless given.
     delimiter

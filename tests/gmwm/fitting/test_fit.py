@@ -357,9 +357,9 @@ def test_weights():
     wv = exact("WN(sigma2=1) + RW(gamma2=1e-6)", levels=8)
     default = gj.fit(wv, "WN")
     weights = 1 / (wv.ci_high - wv.ci_low) ** 2
-    assert gj.fit(wv, "WN", omega=weights).objective == pytest.approx(default.objective, rel=1e-12, abs=0)
+    assert gj.fit(wv, "WN", weights=weights).objective == pytest.approx(default.objective, rel=1e-12, abs=0)
     full = np.diag(weights) + 0.1 * np.sqrt(np.outer(weights, weights))
-    fit = gj.fit(wv, "WN", omega=full)
+    fit = gj.fit(wv, "WN", weights=full)
     # generalised least squares for one column
     a = 1 / wv.scales
     assert float(fit.model.processes[0].sigma2) == pytest.approx(
@@ -374,7 +374,7 @@ def test_weights():
         (np.triu(np.ones((8, 8))), "symmetric"),
     ]:
         with pytest.raises(ValueError, match=message):
-            gj.fit(wv, "WN", omega=bad)
+            gj.fit(wv, "WN", weights=bad)
 
 
 def test_second_call_with_new_numbers_compiles_nothing():
@@ -449,8 +449,8 @@ def test_a_search_without_a_finite_objective_says_so():
     nu = 100 * tau
     wv = gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu)
     with pytest.raises(RuntimeError, match="no finite objective"):
-        gj.fit(wv, "WN", omega=np.full(6, 1e308))
-    assert gj.fit(wv, "WN", omega=np.full(6, 1e308), throw=False).status is Status.non_finite
+        gj.fit(wv, "WN", weights=np.full(6, 1e308))
+    assert gj.fit(wv, "WN", weights=np.full(6, 1e308), throw=False).status is Status.non_finite
 
 
 def test_weights_beyond_floating_point_are_refused():
@@ -460,14 +460,14 @@ def test_weights_beyond_floating_point_are_refused():
         gj.fit(wv, "WN")
     huge = gj.variance.WaveletVariance.from_table(tau, 1e300 / tau, 0.9e300 / tau, 1.1e300 / tau)
     with pytest.raises(ValueError, match="Weights times wavelet variance are beyond floating point"):
-        gj.fit(huge, "WN + GM", omega=np.full(6, 1e300), throw=False)
+        gj.fit(huge, "WN + GM", weights=np.full(6, 1e300), throw=False)
     with pytest.raises(ValueError, match="two-step weights need a model with a variance"):
-        gj.fit(exact("WN(sigma2=1)", levels=8), gj.WN(gj.Fixed(0.0)), omega="two-step")
+        gj.fit(exact("WN(sigma2=1)", levels=8), gj.WN(gj.Fixed(0.0)), weights="two-step")
 
 
 def test_the_scale_of_the_weights_changes_nothing_but_the_objective(mtig):
     weights = 1 / (mtig.ci_high - mtig.ci_low) ** 2
-    fits = {s: gj.fit(mtig, "WN + RW + 2*GM", omega=s * weights) for s in (1e-24, 1e-12, 1.0, 1e12, 1e24)}
+    fits = {s: gj.fit(mtig, "WN + RW + 2*GM", weights=s * weights) for s in (1e-24, 1e-12, 1.0, 1e12, 1e24)}
     assert all(f.status is Status.converged for f in fits.values())
     for s, f in fits.items():
         assert f.objective / s == pytest.approx(fits[1.0].objective, rel=1e-9, abs=0)
@@ -477,11 +477,11 @@ def test_the_scale_of_the_weights_changes_nothing_but_the_objective(mtig):
 def test_a_fit_knows_its_weights():
     wv = exact("WN(sigma2=1)", levels=8)
     for omega, name in ((None, "default"), ("two-step", "two-step"), (np.ones(8), "given")):
-        fit = gj.fit(wv, "WN", omega=omega)
-        assert fit.weights == fit.to_dict()["weights"] == name
+        fit = gj.fit(wv, "WN", weights=omega)
+        assert fit.weights.name == fit.to_dict()["weights"] == name
         assert f"({name} weights)" in fit.summary()
     with pytest.raises(ValueError, match='"covariance", "iterated" or an array'):
-        gj.fit(wv, "WN", omega="optimal")
+        gj.fit(wv, "WN", weights="optimal")
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def wv():
 
 @pytest.fixture(scope="module")
 def fit(wv):
-    return gj.fit(wv, "WN + GM", omega="two-step")
+    return gj.fit(wv, "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
@@ -54,11 +54,11 @@ def test_variances_are_drawn_from_their_theory(fit):
 @pytest.mark.parametrize("omega", [None, "two-step", "covariance"])
 def test_a_refit_is_a_fit(wv, omega):
     """The same minimum as a global search of each replicate, with weights of the same kind."""
-    first = gj.fit(wv, "WN + GM", omega=omega)
+    first = gj.fit(wv, "WN + GM", weights=omega)
     nu = gj.bootstrap(first, 10, key=jax.random.key(2)).variances
     ours = refit(first, nu, chunk_size=16)
     given = first.omega if omega == "covariance" else omega
-    for b, f in enumerate(gj.fit(as_channels(wv, nu), "WN + GM", omega=given).values()):
+    for b, f in enumerate(gj.fit(as_channels(wv, nu), "WN + GM", weights=given).values()):
         assert ours.objective[b] == pytest.approx(f.objective, rel=1e-6)
         np.testing.assert_allclose(ours.values[b], [float(v) for p in f.model.processes for v in p.values], rtol=1e-4)
     assert ours.converged.all()

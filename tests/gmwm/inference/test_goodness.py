@@ -23,7 +23,7 @@ def records():
 
 def test_with_the_inverse_covariance_it_is_the_objective(records):
     """Sargan's and Hansen's J, with degrees of freedom to match."""
-    fit = gj.fit(records[0], "WN + GM", omega="iterated")
+    fit = gj.fit(records[0], "WN + GM", weights="iterated")
     test = gj.goodness_of_fit(fit)
     assert test.dof == LEVELS - 3
     assert test.statistic == pytest.approx(fit.objective, rel=1e-3)

@@ -11,8 +11,8 @@ import pytest
 from scipy.special import chdtrc
 
 import gmwm_jax as gj
-from gmwm_jax.inference import _sweep as module
-from gmwm_jax.inference._sweep import common_superset, submodels, text_of
+from gmwm_jax.fitting import sweep as module
+from gmwm_jax.inference._submodels import common_superset, submodels, text_of
 from gmwm_jax.inference.selection import tangents
 from gmwm_jax.variance.replicates import variance_draws
 
@@ -79,7 +79,7 @@ def test_common_superset():
 
 @pytest.mark.parametrize("model", ["WN + RW", "WN + GM", "QN + RW + GM", SUPERSET])
 def test_a_candidate_is_a_fit(data, selection, model):
-    alone = gj.fit(data["0"], model, omega=selection.superset.omega)
+    alone = gj.fit(data["0"], model, weights=selection.superset.omega)
     ours = selection[model].fit
     assert ours.objective == pytest.approx(alone.objective, rel=1e-9)
     np.testing.assert_allclose(ours.fitted, alone.fitted, rtol=1e-6)
@@ -207,4 +207,4 @@ def test_bad_input(data, selection):
     with pytest.raises(KeyError, match="no candidate"):
         selection["WN + DR"]
     with pytest.raises(ValueError, match="SIN"):
-        gj.select(wv, "WN + SIN", omega=None)
+        gj.select(wv, "WN + SIN", weights=None)

@@ -36,7 +36,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def joint(records):
-    return gj.fit_records(records, "WN + GM", omega="two-step")
+    return gj.fit_records(records, "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_it_is_the_minimum_of_the_plain_sum(records, joint, omega):
 
     The Gauss-Markov process from its autocovariance: variance/tau^2 sum_h (filter correlation) exp(-beta |h|).
     """
-    fit = gj.fit_records(records, "WN + GM", omega=omega)
+    fit = gj.fit_records(records, "WN + GM", weights=omega)
     assert fit.records[3].wv.num_scales == 11
     tau = fit.wv.scales
 
@@ -77,7 +77,7 @@ def test_it_is_the_minimum_of_the_plain_sum(records, joint, omega):
     assert fit.objective == pytest.approx(best.fun, rel=1e-8)
     np.testing.assert_allclose(values(fit.model), np.exp(best.x), rtol=1e-4)
     assert fit.objective == pytest.approx(
-        sum(gj.fitting.objective(r.wv, fit.model, omega=r.omega) for r in fit.records), rel=1e-12
+        sum(gj.fitting.objective(r.wv, fit.model, weights=r.omega) for r in fit.records), rel=1e-12
     )
     assert sum(r.objective for r in fit.records) == pytest.approx(fit.objective, rel=1e-12)
 
@@ -90,7 +90,7 @@ def test_weights_are_those_of_each_record(records, joint):
     for r, wv in zip(joint.records, records, strict=True):
         width = (wv.ci_high - wv.ci_low) / wv.variance * first.fitted[: wv.num_scales]
         np.testing.assert_allclose(r.omega, np.diag(width**-2.0), rtol=1e-8)
-    best = gj.fit_records(records, "WN + GM", omega="covariance")
+    best = gj.fit_records(records, "WN + GM", weights="covariance")
     for r, wv in zip(best.records, records, strict=True):
         V = np.asarray(gj.variance.wv_covariance(joint.model, wv.num_samples, wv.num_scales))
         np.testing.assert_allclose(r.omega @ V, np.eye(len(V)), atol=1e-6)
@@ -115,7 +115,7 @@ def test_six_adis_units_as_r_fits_them(shared):
 
 def test_equal_records_divide_the_variance(records):
     """R records of a length with weights of a kind: the covariance of one, over R."""
-    equal = gj.fit_records(records[:3], "WN + GM", omega="two-step")
+    equal = gj.fit_records(records[:3], "WN + GM", weights="two-step")
     one = replace(equal.records[0])
     np.testing.assert_allclose(equal.covariance, one.covariance / 3, rtol=1e-6)
     single, pair = gj.fit(records[0], "WN + GM"), gj.fit_records([records[0]] * 2, "WN + GM")
@@ -181,7 +181,7 @@ def test_without_theory_there_are_no_intervals(records):
         with pytest.raises(ValueError, match=r"record 1\) need the covariance of the wavelet variance: the number of"):
             call(fit)
     with pytest.raises(ValueError, match='Weights "covariance" need the covariance'):
-        gj.fit_records(bare, "WN + GM", omega="covariance")
+        gj.fit_records(bare, "WN + GM", weights="covariance")
     assert np.isfinite(gj.multisignal.resample_records(fit).interval()[0]).all()  # resampling needs no theory
 
 
@@ -214,7 +214,7 @@ def test_figure(records):
 def test_new_numbers_compile_nothing(records, resamples):
     """The caches of both compiled searches stay as they are."""
     before = fitting._compiled_quickly._cache_size(), refit._minimise_all._cache_size()
-    fit = gj.fit_records([replace(wv, variance=1.1 * wv.variance) for wv in records], "WN + GM", omega="two-step")
+    fit = gj.fit_records([replace(wv, variance=1.1 * wv.variance) for wv in records], "WN + GM", weights="two-step")
     gj.multisignal.resample_records(fit)
     assert (fitting._compiled_quickly._cache_size(), refit._minimise_all._cache_size()) == before
 
@@ -338,8 +338,10 @@ def test_other_bad_input(records, joint, resamples):
         gj.fit_records(records[:1], "WN")
     with pytest.raises(ValueError, match=r"rate=50.0 was given, and the data have 100.0 Hz"):
         gj.fit_records(records, "WN", rate=50.0)
-    with pytest.raises(ValueError, match='omega must be None, "two-step" or "covariance", and is \'iterated\''):
-        gj.fit_records(records, "WN", omega="iterated")
+    with pytest.raises(ValueError, match='"covariance", "iterated" or an array, and not \'optimal\''):
+        gj.fit_records(records, "WN", weights="optimal")
+    with pytest.raises(ValueError, match="an array suits one record"):
+        gj.fit_records(records, "WN", weights=np.ones(13))
     with pytest.raises(ValueError, match="15 free parameters and the wavelet variance 13 scales"):
         gj.fit_records(records, "WN + 7*GM")
     with pytest.raises(ValueError, match="gives wavelet coefficients a mean"):

@@ -43,12 +43,12 @@ def records():
 
 @pytest.fixture(scope="module")
 def joint(records):
-    return gj.fit_records(records, "WN + GM", omega="two-step")
+    return gj.fit_records(records, "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
 def varied():
-    return gj.fit_records(drawn(1, 2, spread=0.7)[0], "WN + GM", omega="two-step")
+    return gj.fit_records(drawn(1, 2, spread=0.7)[0], "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def same_test(joint):
 
 def test_single_fits_are_fits(joint, records):
     for single, r, wv in zip(joint.singles, joint.records, records, strict=True):
-        alone = gj.fit(wv, "WN + GM", omega=r.omega)
+        alone = gj.fit(wv, "WN + GM", weights=r.omega)
         assert single.objective == pytest.approx(alone.objective, rel=1e-8)
         assert single.objective <= r.objective
 
@@ -105,7 +105,7 @@ def test_who_varies_is_found(joint, varied):
 def test_records_without_an_estimate_are_left_out(joint):
     """A component that one record does not show: it has no place on the log scale."""
     none = with_variance(1.0 / BAND.scales)
-    fit = gj.fit_records([*(r.wv for r in joint.records[:3]), none], "WN + GM", omega="two-step")
+    fit = gj.fit_records([*(r.wv for r in joint.records[:3]), none], "WN + GM", weights="two-step")
     assert "GM" in fit.singles[3].at_boundary
     comparison = gj.multisignal.compare_records(fit)
     assert comparison["GM", "variance"].num_left_out == 1
@@ -123,9 +123,9 @@ def test_what_is_zero_for_all_is_zero_for_each():
         np.asarray(gj.variance.wv_covariance(truth, NUM_SAMPLES, LEVELS)),
     )
     wvs = [with_variance(row) for row in variance_draws(nu, V)(jax.random.split(jax.random.key(3), NUM_RECORDS))]
-    fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
+    fit = gj.fit_records(wvs, "WN + GM", weights="two-step")
     assert fit.at_boundary == {"WN": "at boundary: zero"}
-    free = [gj.fit(wv, "WN + GM", omega=r.omega).model for wv, r in zip(wvs, fit.records, strict=True)]
+    free = [gj.fit(wv, "WN + GM", weights=r.omega).model for wv, r in zip(wvs, fit.records, strict=True)]
     assert max(float(model.processes[0].sigma2) for model in free) > 0.05
     assert all(float(single.model.processes[0].sigma2) == 0 for single in fit.singles)
     comparison = gj.multisignal.compare_records(fit)
@@ -149,7 +149,7 @@ def test_share_of_objectives(joint, same_test):
 def test_a_replicate_is_a_joint_fit(records, omega):
     """Also where one record is shorter."""
     part = {k: getattr(records[0], k)[:11] for k in ("scales", "variance", "ci_low", "ci_high")}
-    fit = gj.fit_records([replace(records[0], num_samples=6_000, **part), *records[1:]], "WN + GM", omega=omega)
+    fit = gj.fit_records([replace(records[0], num_samples=6_000, **part), *records[1:]], "WN + GM", weights=omega)
     variances = np.zeros((3, NUM_RECORDS, LEVELS))
     for i, draw in enumerate(module._draws(fit, "variances")):
         nu = draw(jax.random.split(jax.random.key(i), 3))
@@ -162,7 +162,7 @@ def test_a_replicate_is_a_joint_fit(records, omega):
             nu = variances[b, i, : r.wv.num_scales]
             width = {k: nu * getattr(r.wv, k) / r.wv.variance for k in ("ci_low", "ci_high")}
             own.append(replace(r.wv, variance=nu, **width))
-        assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", omega=omega).objective, rel=1e-6)
+        assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", weights=omega).objective, rel=1e-6)
 
 
 def test_replicates_depend_on_their_key_alone(joint, same_test):

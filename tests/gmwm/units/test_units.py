@@ -7,7 +7,9 @@ import pytest
 from gmwm.cases import rows
 from helpers import assert_mean
 
+from gmwm_jax import units
 from gmwm_jax._internal.checks import sampling_rate
+from gmwm_jax._internal.columns import plain_name
 from gmwm_jax.fitting.tables import continuous_table
 from gmwm_jax.processes.continuous import from_continuous, to_continuous
 from gmwm_jax.processes.continuous_form import derived_unit
@@ -420,3 +422,34 @@ def test_conversions_check_what_they_get():
         from_continuous("GM", (1.0,), 100.0)
     with jax.enable_x64(False), pytest.raises(RuntimeError, match="64-bit"):
         to_continuous("AR1", (0.9, 1.0), 100.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "si", "expected"),
+    [
+        ("km", "m", 1000.0), ("metres", "m", 1.0), ("degrees_north", "rad", DEG), ("deg_s", "rad/s", DEG),
+        ("deg_h", "rad/s", DEG / 3600), ("°/s", "rad/s", DEG), ("m_s_2", "m/s^2", 1.0), ("m_s2", "m/s^2", 1.0),
+        ("m/s2", "m/s^2", 1.0), ("mg", "m/s^2", 9.80665e-3), ("m s-1", "m/s", 1.0), ("mps", "m/s", 1.0),
+        ("km_h", "m/s", 1 / 3.6), ("seconds", "s", 1.0), ("ns", "s", 1e-9), ("arcsec", "rad", DEG / 3600),
+    ],
+)  # fmt: skip
+def test_words_of_tables(name, si, expected):
+    """Units behind the names of columns and of attributes, in one table with the others."""
+    assert units.size(name, si) == pytest.approx(expected, rel=1e-15, abs=0)
+    with pytest.raises(ValueError, match=r"Unknown unit|cannot be converted"):
+        units.size(name, "1/s")
+
+
+def test_every_unit_can_stand_behind_a_name():
+    """No two units of one quantity are written alike there."""
+    for si in ("m", "s", "rad", "m/s", "rad/s", "m/s^2"):
+        sizes = units.written(si)
+        assert all(sizes[plain_name(name)] == UNITS[name].factor for name in units.names(si))
+
+
+def test_units_of_time():
+    assert [units.time_size(name) for name in ("s", "ms", "us", "ns", "min", "h")] == [
+        1, 1e-3, 1e-6, 1e-9, 60, 3600,
+    ]  # fmt: skip
+    with pytest.raises(ValueError, match="Unknown unit of time 'day'; it is one of: s, ms, us, ns, min, h"):
+        units.time_size("day")

@@ -206,7 +206,7 @@ def test_every_way_in_is_the_same(gappy, tmp_path):
 
 def test_a_fit_knows_the_gaps(gappy):
     wv = gj.wavelet_variance(gappy[:, 1], gaps="pairs", rate=10.0)
-    fit = gj.fit(wv, "WN", omega="covariance")
+    fit = gj.fit(wv, "WN", weights="covariance")
     assert "samples (" in fit.summary()
     assert "missing" in fit.summary()
     e = fit.parameters()["WN", "sigma2"]

@@ -34,7 +34,7 @@ def wv():
 
 @pytest.fixture(scope="module")
 def fit(wv):
-    return gj.fit(wv, "WN + GM", omega="two-step")
+    return gj.fit(wv, "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +64,10 @@ def test_intervals_cover_and_the_test_has_its_size():
     """
     num, level = 200, 0.9
     exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
-    first = gj.fit(exact, "WN + GM", omega="two-step")
+    first = gj.fit(exact, "WN + GM", weights="two-step")
     true = replace(first, model=TRUTH)
     nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(9), num))
-    fits = gj.fit(as_channels(exact, nu), "WN + GM", omega="two-step")
+    fits = gj.fit(as_channels(exact, nu), "WN + GM", weights="two-step")
     inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
     truth = np.array([1.0, 0.03, 0.2])
     for i, f in enumerate(fits.values()):

@@ -51,7 +51,7 @@ def test_coverage(text, pattern, share):
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     assert np.all(np.mean((nu * low < truth) & (truth < nu * high), axis=0) > 0.95 - 0.036)
 
-    fit = gj.fit(wv, " + ".join(p.kind for p in model.processes), omega="two-step")
+    fit = gj.fit(wv, " + ".join(p.kind for p in model.processes), weights="two-step")
     refits = refit(fit, nu)
     assert np.all(refits.converged)
     at_truth = replace(fit, model=model)

@@ -26,7 +26,7 @@ def records():
 
 def test_size_and_pulls(records):
     """p below 5 % in 3 to 7.5 % of 400 records, widened by 4.5 binomial sigmas; every pull has the variance 1."""
-    fits = gj.fit(records, "WN + GM", omega="two-step")
+    fits = gj.fit(records, "WN + GM", weights="two-step")
     tests = [gj.goodness_of_fit(f) for f in fits.values()]
     share = np.mean([t.p_value < 0.05 for t in tests])
     sigma = np.sqrt(0.05 * 0.95 / NUM_RECORDS)

@@ -46,7 +46,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def joint(records):
-    return gj.fit_records(records, "WN + GM", omega="two-step")
+    return gj.fit_records(records, "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_size_and_power():
     """
     num, Q, p, p_all = 20, [], [], []
     for b, wvs in enumerate(drawn(num, 3)):
-        fit = gj.fit_records(wvs, "WN + GM", omega="two-step")
+        fit = gj.fit_records(wvs, "WN + GM", weights="two-step")
         comparison = gj.multisignal.compare_records(fit)
         Q.append([s.statistic for s in comparison.spreads])
         p_all.append(comparison.p_value)
@@ -72,7 +72,7 @@ def test_size_and_power():
         assert np.mean(np.array(values) < 0.05) < 0.05 + SIGMAS * np.sqrt(0.05 * 0.95 / num)
     found = [
         gj.multisignal.near_stationarity(
-            gj.fit_records(wvs, "WN + GM", omega="two-step"), 63, key=jax.random.key(b)
+            gj.fit_records(wvs, "WN + GM", weights="two-step"), 63, key=jax.random.key(b)
         ).p_value
         for b, wvs in enumerate(drawn(5, 6, spread=0.7))
     ]

@@ -7,7 +7,7 @@ from helpers import SIGMAS
 
 import gmwm_jax as gj
 from gmwm_jax.fitting.result import Status
-from gmwm_jax.fitting.weights import two_step_weights
+from gmwm_jax.fitting.weights import TwoStep
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
 
@@ -28,11 +28,11 @@ def test_the_gain_is_the_one_stated(records):
 
     The sigma of a ratio of two variances of correlated normal estimates with correlation r is 2 sqrt((1 - r^2)/n).
     """
-    fits = {omega: gj.fit(records, "WN + GM", omega=omega) for omega in ("two-step", "covariance")}
+    fits = {omega: gj.fit(records, "WN + GM", weights=omega) for omega in ("two-step", "covariance")}
     assert all(f.status is Status.converged for group in fits.values() for f in group.values())
     at = {k: np.array([f.model.unconstrained() for f in group.values()]) for k, group in fits.items()}
     stated = np.mean(
-        [f.weights_efficiency(two_step_weights(f.model, f.wv)) for f in fits["covariance"].values()], axis=0
+        [f.weights_efficiency(TwoStep().omega(f.wv, f.model)) for f in fits["covariance"].values()], axis=0
     )
     ratio = at["covariance"].var(axis=0) / at["two-step"].var(axis=0)
     for i in range(3):
