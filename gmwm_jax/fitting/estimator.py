@@ -6,9 +6,10 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, typed_key
+from gmwm_jax._internal.checks import agreed_rate, concrete, confidence, require_x64, typed_key
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.result import Fit, Fits, Status
@@ -250,8 +251,10 @@ def as_fit(
 
 def objective(
     wv: WaveletVariance | Recording, model: str | AbstractProcess | Composite, *, weights: WeightsLike = None
-) -> float:
+) -> float | Float[Array, ""]:
     """Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model whose parameters are all given, for one channel.
+
+    Pure in the parameters of the model: jit, grad and vmap it.
 
     Parameters
     ----------
@@ -272,8 +275,11 @@ def objective(
     wv = as_wavelet_variance(wv, "objective")
     if not wv.is_single:
         raise ValueError(f"Choose one channel, as in wv[{wv.channels[0]!r}]: there are {wv.channels}.")
-    residual = wv.variance - np.asarray(as_model(model).wavelet_variance(wv.scales))
-    return float(residual @ as_weights(weights).omega(wv) @ residual)
+    omega, fitted = as_weights(weights).omega(wv), as_model(model).wavelet_variance(wv.scales)
+    seen = concrete(fitted)
+    residual = wv.variance - (fitted if seen is None else seen)
+    value = residual @ omega @ residual
+    return value if seen is None else float(value)
 
 
 def _minimise_channels(

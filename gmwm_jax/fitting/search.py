@@ -14,6 +14,7 @@ with P the projection off the passive columns; the gradient dr' r = -r' dB c is 
 proportional to r.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -211,6 +212,26 @@ def _turns(layout: Layout) -> list[tuple[Int[np.ndarray, " K"], Float[np.ndarray
     return turns
 
 
+def _without_derivatives(search: Callable[..., Solution]) -> Callable[..., Solution]:
+    """A search that raises where it is differentiated.
+
+    Kaufman's Jacobian leads to the minimum and is not how the minimum moves with the data; loops that end when they
+    have converged have no derivative at all. Derivatives that came out of them would be zero, or wrong.
+    """
+    guarded = jax.custom_jvp(search, nondiff_argnums=(0,))
+
+    @guarded.defjvp
+    def refuse(layout: Layout, primals: Any, tangents: Any) -> Any:
+        raise NotImplementedError(
+            f"The estimate of {' + '.join(kind.kind for kind in layout.kinds)} has no derivatives in its data: "
+            f"`{search.__name__}` is a search. Differentiate `gmwm_jax.fitting.objective`, or take the standard errors "
+            "of a fit, which are those of its first-order expansion."
+        )
+
+    return guarded
+
+
+@_without_derivatives
 def minimise(layout: Layout, lattice: Float[Array, "S C"], nodes: Float[Array, "G C"], data: Data) -> Solution:
     """Find the global minimum of the GMWM objective of one channel. Pure: jit and vmap it.
 
@@ -267,6 +288,7 @@ def minimise(layout: Layout, lattice: Float[Array, "S C"], nodes: Float[Array, "
     return lax.scan(search, start, jnp.arange(NUM_ROUNDS) == 0)[0]
 
 
+@_without_derivatives
 def minimise_near(layout: Layout, starts: Float[Array, "S C"], data: Data) -> Solution:
     """Find the lowest minimum that descents from given placements lead to: for data like others already fitted.
 
