@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
-from gmwm_jax.fitting.estimator import starting_points
-from gmwm_jax.fitting.problem import pose
-from gmwm_jax.fitting.refit import starts_near
+from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.search import Data, minimise, minimise_near
 
 TRUTH = gj.WN(1.0) + gj.GM(0.03, 0.2)
@@ -48,9 +46,9 @@ def test_the_objective_is_level_at_the_minimum(wv):
 @pytest.fixture(scope="module")
 def searches(wv):
     """The two searches as functions of the whitened wavelet variance."""
-    problem, tau = pose(TRUTH, float(wv.scales[-1])), wv.scales
-    placements, nodes = starting_points(problem, float(tau[-1]), None)
-    near = starts_near(problem)
+    problem, tau = Problem.of(TRUTH, float(wv.scales[-1])), wv.scales
+    placements, nodes = problem.starting_points(None)
+    near = problem.starts_near()
     whitener = np.diag(1 / (wv.ci_high - wv.ci_low))
 
     def data(y):
