@@ -45,11 +45,24 @@ def key():
     return jax.random.key(20261121)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compilation(request):
+    """The rooms run large programs once on little data: half the time to compile, several times that to run.
+
+    In tests/validation programs are those that users run.
+    """
+    jax.config.update("jax_disable_most_optimizations", "validation" not in request.path.parts)
+
+
 @pytest.fixture(scope="module")
-def quick_compilation():
-    """For files of large programs that run once on little data: half the time to compile, several times that to run."""
+def quick_compilation(compilation):
+    """For files of tests/validation that are like those of the rooms."""
     jax.config.update("jax_disable_most_optimizations", True)
-    yield
+
+
+@pytest.fixture(scope="module")
+def full_optimisation(compilation):
+    """For files of the rooms that run their programs on much data."""
     jax.config.update("jax_disable_most_optimizations", False)
 
 
