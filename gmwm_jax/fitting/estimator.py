@@ -18,7 +18,6 @@ from gmwm_jax.fitting.weights import AbstractWeights, WeightsLike, as_weights
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
-from gmwm_jax.variance.covariance import require_no_mean
 from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
 
 _BEYOND = "beyond floating point: take other units, or scale the data."
@@ -211,8 +210,7 @@ def fit_channels(
 
 def _require_fittable(model: Composite, wv: WaveletVariance) -> None:
     """Raise a ValueError if there are fewer scales than free parameters, or a drift in a robust wavelet variance."""
-    if wv.efficiency is not None:
-        require_no_mean(model)
+    wv.estimator.require_fittable(model)
     if model.num_free > wv.num_scales:
         raise ValueError(
             f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "

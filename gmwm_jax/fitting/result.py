@@ -20,7 +20,6 @@ from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
-from gmwm_jax.variance.gap_covariance import covariance_under
 from gmwm_jax.variance.wavelet import WaveletVariance
 
 
@@ -149,7 +148,7 @@ class Fit(Drawable):
 
         It needs the length of the record, all scales 2 .. 2^J, the MODWT, and a model without SIN.
         """
-        return covariance_under(self.model, self.wv)
+        return self.wv.covariance_under(self.model)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "P P"] | None:
@@ -242,9 +241,9 @@ class Fit(Drawable):
         samples = f", {wv.num_samples} samples{missing}" if wv.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         free = self.model.num_free
-        robust = f"Robust (efficiency {wv.efficiency:g}) " if wv.efficiency else ""
         lines = [
-            f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} [{self.unit}]{samples}{rate}",
+            f"{wv.estimator.title}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} "
+            f"[{self.unit}]{samples}{rate}",
             f"objective {self.objective:.8g} ({self.weights.name} weights) with {free} free parameters on "
             f"{wv.num_scales} scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this "
             "minimum",

@@ -17,7 +17,6 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
-from gmwm_jax.variance.gap_covariance import covariance_under
 
 
 def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
@@ -129,7 +128,7 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     model = Composite([_of_coefficient(lines[kind], value, f) for kind, value in coefficients.items()])
 
     nu = np.asarray(model.wavelet_variance(adev.wv.scales))
-    V = covariance_under(model, adev.wv)
+    V = adev.wv.covariance_under(model)
     # log deviation = log(nu)/2 + const
     correlated = None if V is None else V / np.outer(nu, nu) / 4
     z, estimates = normal_quantile(adev.wv.level), []

@@ -202,7 +202,7 @@ def bootstrap(
     if route not in (RECORDS, VARIANCES):
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
     fit.wv.require_theory("Replicates")
-    if route == RECORDS and fit.wv.efficiency is not None:
+    if route == RECORDS and not fit.wv.estimator.replicates_records:
         raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
     if route == VARIANCES and fit.wv_covariance is None:
         raise ValueError(f'There is no theory of the scatter of {fit.model}: take route="{RECORDS}".')

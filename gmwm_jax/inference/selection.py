@@ -35,7 +35,6 @@ from gmwm_jax.inference.goodness import chi_square
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
-from gmwm_jax.variance.gap_covariance import covariance_under
 from gmwm_jax.variance.replicates import theory_draws
 from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
 
@@ -387,7 +386,7 @@ def _own_covariance(whole: Fit, fit: Fit) -> Float[np.ndarray, "J J"]:
             processes.append(own)
         else:
             processes.append(eqx.tree_at(lambda q: getattr(q, q.parameters[-1].name), p, jnp.zeros(())))
-    V = covariance_under(Composite(processes), fit.wv)
+    V = fit.wv.covariance_under(Composite(processes))
     assert V is not None  # that of the superset is known
     return V
 

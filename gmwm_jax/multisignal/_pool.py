@@ -48,7 +48,7 @@ def as_records(data: Any, caller: str) -> tuple[WaveletVariance, ...]:
         for what, fact, own in (
             ("the channels", wv.channels, first.channels),
             ("the units", wv.units, first.units),
-            ("the estimator", _estimator(wv), _estimator(first)),
+            ("the estimator", wv.estimator.name, first.estimator.name),
             ("intervals at the level", wv.level, first.level),
         ):
             if fact != own:
@@ -65,10 +65,6 @@ def as_records(data: Any, caller: str) -> tuple[WaveletVariance, ...]:
         if not all(np.all(np.isfinite(a)) for a in (wv.variance, wv.ci_low, wv.ci_high)):
             raise ValueError(f"Record {i} has a wavelet variance or an interval that is not finite.")
     return records
-
-
-def _estimator(wv: WaveletVariance) -> str:
-    return wv.method if wv.efficiency is None else f"robust (efficiency {wv.efficiency:g})"
 
 
 def _same_rate(a: float | None, b: float | None) -> bool:
@@ -154,4 +150,4 @@ def pooled(records: Sequence[WaveletVariance], both: Pool) -> tuple[WaveletVaria
     with np.errstate(divide="ignore"):
         below, above = np.exp(-1 / np.sqrt(information[0])), np.exp(1 / np.sqrt(information[1]))
     values = (longest.scales, mean, mean * below, mean * above, None, longest.level, longest.rate)
-    return WaveletVariance(*values, longest.channels, longest.units, "", longest.method, longest.efficiency), omega
+    return WaveletVariance(*values, longest.channels, longest.units, "", longest.estimator), omega

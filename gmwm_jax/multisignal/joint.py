@@ -114,10 +114,10 @@ class JointFit(Fit):
 
     def summary(self) -> str:
         """All of it as text."""
-        wv, robust = self.wv, f"Robust (efficiency {self.wv.efficiency:g}) " if self.wv.efficiency else ""
+        wv = self.wv
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         lines = [
-            f"{robust}GMWM fit of {' + '.join(self.model.labels)} to {len(self.records)} records of "
+            f"{wv.estimator.title}GMWM fit of {' + '.join(self.model.labels)} to {len(self.records)} records of "
             f"{wv.channels[0]} [{self.unit}]{rate}",
             f"objective {self.objective:.8g} ({self.weights.name} weights) with {self.model.num_free} free parameters; "
             f"{self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",

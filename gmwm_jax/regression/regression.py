@@ -42,6 +42,7 @@ from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.regression.regressors import Design, checked_record, checked_time, design
 from gmwm_jax.units import require_si
 from gmwm_jax.variance.blocked import host_wavelet_variance
+from gmwm_jax.variance.estimator import Modwt, Pairs
 from gmwm_jax.variance.gaps import (
     find_pairs,
     gap_degrees_of_freedom,
@@ -253,6 +254,7 @@ def regress(
     X = design(regressors, present, intercept=intercept)
 
     pairs = None if np.all(present) else find_pairs(present)
+    estimator = Modwt() if pairs is None else Pairs()
     white = None if pairs is None else white_widening(pairs)
 
     def noise_of(residual: Float[np.ndarray, " N"], spread: Float[np.ndarray, "N p"]) -> Fit:
@@ -266,7 +268,9 @@ def regress(
             eta = gap_degrees_of_freedom(pairs, nu, white)
         low, high = interval_factors(eta)
         values = (scales(len(nu)), nu, nu * low, nu * high, len(y), 0.95, rate)
-        wv = WaveletVariance(*values, (name,), (unit,), name, present=None if pairs is None else present)
+        wv = WaveletVariance(
+            *values, (name,), (unit,), name, estimator=estimator, present=None if pairs is None else present
+        )
         return fit(wv, model, weights="two-step", level=level)
 
     def least_squares(noise: Fit) -> GeneralisedLeastSquares:

@@ -80,9 +80,9 @@ def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = N
     [0.01, 0.02, 0.04]
     """
     wv = as_wavelet_variance(data, "allan_deviation")
-    if wv.method != "modwt":
+    if not wv.estimator.overlaps:
         raise ValueError(
-            f"The overlapping Allan deviation is the MODWT wavelet variance; this one is of the {wv.method}."
+            f"The overlapping Allan deviation is the MODWT wavelet variance; this one is of the {wv.estimator.name}."
         )
     f = sampling_rate(agreed_rate(wv.rate, rate))
     deviation, low, high = (np.sqrt(2 * v) for v in (wv.variance, wv.ci_low, wv.ci_high))

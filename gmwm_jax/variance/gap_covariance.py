@@ -26,8 +26,7 @@ from numpy import fft
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.simulation import simulate_each
 from gmwm_jax.variance.covariance import wv_covariance
-from gmwm_jax.variance.gaps import Pairs, find_pairs, quadratic_forms_times
-from gmwm_jax.variance.wavelet import WaveletVariance
+from gmwm_jax.variance.gaps import PairCounts, quadratic_forms_times
 
 _SAMPLES = 1 << 17
 """Of all draws together."""
@@ -37,24 +36,7 @@ _AT_ONCE = 1 << 18
 """Samples worked on at once."""
 
 
-def covariance_under(model: Composite, wv: WaveletVariance) -> Float[np.ndarray, "J J"] | None:
-    """Covariance of a wavelet variance of one channel under a model; None where there is no theory for it.
-
-    Parameters
-    ----------
-    model
-        All parameters given.
-    wv
-        It needs the length of the record, all scales 2 .. 2^J and the MODWT, and the model to be ergodic (no SIN).
-    """
-    if wv.num_samples is None or not wv.has_theory or not all(p.ergodic for p in model.processes):
-        return None
-    if wv.present is None or np.all(wv.present):
-        return np.asarray(wv_covariance(model, wv.num_samples, wv.num_scales, efficiency=wv.efficiency))
-    return gap_covariance(model, find_pairs(wv.present, wv.num_scales))
-
-
-def gap_covariance(model: Composite, pairs: Pairs) -> Float[np.ndarray, "J J"]:
+def gap_covariance(model: Composite, pairs: PairCounts) -> Float[np.ndarray, "J J"]:
     """Covariance of the wavelet variance by pairs: deterministic, the error of a standard deviation 1 to 3 %.
 
     5 % at spans with a few degrees of freedom.

@@ -35,7 +35,7 @@ from gmwm_jax._internal.checks import present_samples
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, scales
 
 
-class Pairs(NamedTuple):
+class PairCounts(NamedTuple):
     """Where samples are, and what all channels and replicates with the same missing samples share."""
 
     present: Bool[np.ndarray, " N"]
@@ -131,7 +131,7 @@ def variance_by_pairs(
     return nu, eta
 
 
-def find_pairs(present: Bool[np.ndarray, " N"], num_levels: int | None = None) -> Pairs:
+def find_pairs(present: Bool[np.ndarray, " N"], num_levels: int | None = None) -> PairCounts:
     """Count the pairs of samples that are there.
 
     Parameters
@@ -159,10 +159,10 @@ def find_pairs(present: Bool[np.ndarray, " N"], num_levels: int | None = None) -
                 f"{lag.bit_length() - 1} levels, and not {J}."
             )
         counts = counts[: 1 << (lag.bit_length() - 1)]
-    return Pairs(present, spectrum, counts, size)
+    return PairCounts(present, spectrum, counts, size)
 
 
-def gap_wavelet_variance(records: Float[np.ndarray, "B N"], pairs: Pairs) -> Float[np.ndarray, "B J"]:
+def gap_wavelet_variance(records: Float[np.ndarray, "B N"], pairs: PairCounts) -> Float[np.ndarray, "B J"]:
     """Wavelet variance of records with missing samples.
 
     Parameters
@@ -191,7 +191,7 @@ def gap_wavelet_variance(records: Float[np.ndarray, "B N"], pairs: Pairs) -> Flo
     return np.stack(columns, axis=1)
 
 
-def quadratic_forms_times(records: Float[np.ndarray, "B N"], pairs: Pairs) -> Iterator[Float[np.ndarray, "B N"]]:
+def quadratic_forms_times(records: Float[np.ndarray, "B N"], pairs: PairCounts) -> Iterator[Float[np.ndarray, "B N"]]:
     """Q_1 x .. Q_J x for each record x; arguments as of `gap_wavelet_variance`, which is x' Q_j x."""
     present = pairs.present[None].astype(np.float64)
     x = np.concatenate([present, _centred(records, pairs)])
@@ -199,7 +199,7 @@ def quadratic_forms_times(records: Float[np.ndarray, "B N"], pairs: Pairs) -> It
         yield np.where(pairs.present, y[1:] - y[0] * x[1:], 0.0)
 
 
-def _off_diagonals_times(x: Float[np.ndarray, "B N"], pairs: Pairs) -> Iterator[Float[np.ndarray, "B N"]]:
+def _off_diagonals_times(x: Float[np.ndarray, "B N"], pairs: PairCounts) -> Iterator[Float[np.ndarray, "B N"]]:
     """The same without the diagonal, also where samples are missing."""
     spectra = fft.rfft(x, pairs.size)
     for level in range(1, pairs.num_levels + 1):
@@ -221,7 +221,7 @@ def positive_levels(nu: Float[np.ndarray, "J *C"]) -> int:
 
 
 def gap_degrees_of_freedom(
-    pairs: Pairs, nu: Float[np.ndarray, " J"], white: Float[np.ndarray, " L"]
+    pairs: PairCounts, nu: Float[np.ndarray, " J"], white: Float[np.ndarray, " L"]
 ) -> Float[np.ndarray, " J"]:
     """Degrees of freedom of nu_j^2: those of the complete record ("eta 3") over the widening by gaps.
 
@@ -244,7 +244,7 @@ def gap_degrees_of_freedom(
     return np.maximum(degrees_of_freedom(pairs.num_samples, J) / (1 + excess), 1.0)
 
 
-def white_widening(pairs: Pairs) -> Float[np.ndarray, " J"]:
+def white_widening(pairs: PairCounts) -> Float[np.ndarray, " J"]:
     """By what gaps multiply the variance of nu_j^2 of white noise, 2 sum_st Q_j(s, t)^2.
 
     What is special to the ends counts in the diagonal only.
@@ -258,7 +258,7 @@ def white_widening(pairs: Pairs) -> Float[np.ndarray, " J"]:
     return np.maximum(result, 1.0)
 
 
-def pair_weights(pairs: Pairs, level: int) -> Weights:
+def pair_weights(pairs: PairCounts, level: int) -> Weights:
     """The weights of a level."""
     tau, num = 1 << level, pairs.num_samples
     n, k, M = tau // 2, np.arange(tau), num - tau + 1
@@ -283,7 +283,7 @@ def _autocorrelation(level: int) -> Float[np.ndarray, " T"]:
     return (2 * np.maximum(n - k, 0) - np.maximum(n - np.abs(k - n), 0)) / (2.0 * n) ** 2
 
 
-def _centred(records: Float[np.ndarray, "B N"], pairs: Pairs) -> Float[np.ndarray, "B N"]:
+def _centred(records: Float[np.ndarray, "B N"], pairs: PairCounts) -> Float[np.ndarray, "B N"]:
     """Zero where a sample is missing: a constant changes nothing, and without it the sums stay small."""
     mean = np.mean(records, axis=1, keepdims=True, where=pairs.present)
     return np.where(pairs.present, records - mean, 0.0)

@@ -22,9 +22,6 @@ from scipy.special import gammaincinv, ndtr
 
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.simulation import simulate_each
-from gmwm_jax.variance._skewness import wv_skewness
-from gmwm_jax.variance.blocked import host_wavelet_variance
-from gmwm_jax.variance.gaps import find_pairs, gap_wavelet_variance
 from gmwm_jax.variance.wavelet import WaveletVariance
 
 _RECORDS = 64
@@ -40,8 +37,7 @@ def theory_draws(model: Composite, wv: WaveletVariance, V: Float[np.ndarray, "J 
 
     The skewness is known for the classic wavelet variance of a complete record; others are drawn as chi-square.
     """
-    known = wv.num_samples is not None and wv.efficiency is None and wv.present is None
-    skewness = wv_skewness(model, wv.num_samples or 0, V) if known else None
+    skewness = None if wv.num_samples is None else wv.estimator.skewness(model, wv.num_samples, V)
     return variance_draws(np.asarray(model.wavelet_variance(wv.scales)), V, skewness)
 
 
@@ -83,13 +79,7 @@ def record_draws(model: Composite, wv: WaveletVariance) -> Callable[[Any], np.nd
     """A function of keys that simulates records like that of `wv` and takes their wavelet variances."""
     num_samples = wv.num_samples or 0
     at_once = max(1, min(_RECORDS, _SAMPLES_AT_ONCE // num_samples))
-    pairs = None if wv.present is None else find_pairs(wv.present, wv.num_scales)
-    some = max(1, at_once // 16)  # transforms take more memory than the records
-
-    def variances_of(x: np.ndarray) -> list[np.ndarray]:
-        if pairs is None:
-            return [host_wavelet_variance(record, wv.num_scales) for record in x]
-        return [nu for first in range(0, len(x), some) for nu in gap_wavelet_variance(x[first : first + some], pairs)]
+    variances_of = wv.estimator.of_records(wv.num_scales, wv.present)
 
     def of_keys(keys: Any) -> np.ndarray:
         rows = []
@@ -98,7 +88,7 @@ def record_draws(model: Composite, wv: WaveletVariance) -> Callable[[Any], np.nd
             # filled up: another size would compile again
             filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
             x = np.asarray(simulate_each(model, filled, num_samples))
-            rows += variances_of(x[: len(part)])
-        return np.stack(rows)
+            rows.append(variances_of(x[: len(part)]))
+        return np.concatenate(rows)
 
     return of_keys

@@ -11,9 +11,7 @@ from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import (
     agreed_rate,
-    as_float,
     confidence,
-    finite_record,
     integer,
     positive,
     sampling_rate,
@@ -23,12 +21,12 @@ from gmwm_jax._internal.checks import (
 )
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.processes.base import Composite
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.units import require_si
-from gmwm_jax.variance.blocked import blocks_to_file, host_wavelet_variance
-from gmwm_jax.variance.gaps import variance_by_pairs
-from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, haar_dwt_variance, interval_factors, scales
-from gmwm_jax.variance.robust import biweight, robust_wavelet_variance, widening
+from gmwm_jax.variance.blocked import blocks_to_file
+from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator, from_shorthands
+from gmwm_jax.variance.haar import interval_factors, scales
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,10 +59,8 @@ class WaveletVariance(Drawable):
     channels: tuple[str, ...] = ("x",)
     units: tuple[str, ...] = ("1",)
     name: str = ""
-    method: str = "modwt"
-    """``modwt`` or ``dwt``."""
-    efficiency: float | None = None
-    """Of the robust estimator on clean data, see `gmwm_jax.variance.robust`; None for the classic one."""
+    estimator: AbstractEstimator = METHODS["modwt"]
+    """How it was estimated."""
     present: Bool[np.ndarray, "N *C"] | None = None
     """False where a sample is missing, see `gmwm_jax.variance.gaps`; None for a complete record."""
 
@@ -141,10 +137,15 @@ class WaveletVariance(Drawable):
         return self.variance.ndim == 1
 
     @property
+    def efficiency(self) -> float | None:
+        """Of the robust estimator on clean data; None for another estimator."""
+        return self.estimator.efficiency
+
+    @property
     def has_theory(self) -> bool:
         """Whether its covariance is known: a MODWT at all scales 2, 4 ... 2^J of a record of known length."""
         dyadic = np.array_equal(self.scales, 2.0 ** np.arange(1, self.num_scales + 1))
-        return self.num_samples is not None and self.method == "modwt" and dyadic
+        return self.num_samples is not None and self.estimator.has_theory and dyadic
 
     def require_theory(self, what: str) -> int:
         """Return N, or raise a ValueError: `what` needs the covariance of this wavelet variance, which is not known."""
@@ -154,6 +155,19 @@ class WaveletVariance(Drawable):
                 "the MODWT."
             )
         return self.num_samples
+
+    def covariance_under(self, model: Composite) -> Float[np.ndarray, "J J"] | None:
+        """Covariance of the wavelet variance of one channel under a model; None where there is no theory for it.
+
+        Parameters
+        ----------
+        model
+            All parameters given; SIN is not ergodic and has no theory.
+        """
+        if not all(p.ergodic for p in model.processes):
+            return None
+        num_samples = self.num_samples if self.has_theory else None
+        return self.estimator.covariance(model, num_samples, self.num_scales, self.present)
 
     @property
     def missing(self) -> str:
@@ -200,13 +214,13 @@ class WaveletVariance(Drawable):
         samples = f", {self.num_samples} samples{missing}" if self.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
-        robust = f"Robust (efficiency {self.efficiency:g}) " if self.efficiency else ""
-        return f"{robust}Haar wavelet variance of {what}{samples}{rate}\n{table}"
+        return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}"
 
 
 def wavelet_variance(
     record: Any,
     *,
+    estimator: AbstractEstimator | str | None = None,
     num_levels: int | None = None,
     method: str = "modwt",
     efficiency: float | None = None,
@@ -224,19 +238,24 @@ def wavelet_variance(
         A `Recording`; an array or list of shape (N,) or (N, C), `numpy.memmap` included, its masked samples taken as
         missing; or an iterator of one-dimensional blocks, which is one channel (several: a memory map, or one call
         each).
+    estimator
+        An object such as ``gj.variance.Robust(0.6)``: `Modwt` (the default), `Dwt`, `Robust` or `Pairs` of
+        `gmwm_jax.variance`, or one of the texts ``modwt``, ``dwt``, ``robust``, ``pairs``. A `Recording` that allows
+        gaps takes `Pairs` in place of the default.
     num_levels
         J, by default floor(log2 N) - 1.
     method
-        ``modwt`` (every coefficient) or ``dwt`` (every 2^j-th: less precise, but hardly correlated).
+        Shorthand for two estimators: ``modwt`` (every coefficient) or ``dwt`` (every 2^j-th: less precise, but hardly
+        correlated).
     efficiency
-        None for the classic estimator, the mean of squares. A number between 0.5 and 0.99, usually 0.6, for the robust
-        one of the MODWT, which gives outliers no weight and for it has, on clean data with independent coefficients,
-        this efficiency. See `gmwm_jax.variance.robust`, and `compare_robust` for both side by side.
+        Shorthand for ``Robust(efficiency)``: a number between 0.5 and 0.99, usually 0.6. The robust estimator gives
+        outliers no weight and for it has, on clean data with independent coefficients, this efficiency. See
+        `gmwm_jax.variance.robust`, and `compare_robust` for both side by side.
     gaps
-        None: a missing sample (NaN, masked) is an error, unless the `Recording` allows gaps. ``pairs``: the MODWT's
-        from all pairs of samples that are there, see `gmwm_jax.pairs`; unbiased as long as what is missing does not
-        depend on the noise. Intervals widen as the gaps of this record ask for, but hold for noise that is white or
-        has more power at long spans; else they are a bound.
+        Shorthand: ``pairs`` for ``Pairs()``, the MODWT's from all pairs of samples that are there (see
+        `gmwm_jax.variance.gaps`); unbiased as long as what is missing does not depend on the noise. Intervals widen as
+        the gaps of this record ask for, but hold for noise that is white or has more power at long spans; else they are
+        a bound. With other estimators a missing sample (NaN, masked) is an error.
     level
         Confidence of the intervals.
     rate, unit
@@ -269,20 +288,11 @@ def wavelet_variance(
     >>> wv.scales[:3].tolist(), wv.times[:3].tolist()
     ([2.0, 4.0, 8.0], [0.02, 0.04, 0.08])
     """
-    if method not in ("modwt", "dwt"):
-        raise ValueError(f"method must be 'modwt' or 'dwt', and is {method!r}.")
-    if efficiency is not None:
-        biweight(efficiency)  # raises if it is not on offer
-        if method != "modwt":
-            raise ValueError("The robust wavelet variance is that of the MODWT: leave method out, or efficiency.")
-    if isinstance(record, Recording) and record.gaps:
+    if estimator is not None and (method, efficiency, gaps) != ("modwt", None, None):
+        raise ValueError("Give the estimator as an object, or by the shorthands method, efficiency, gaps: not by both.")
+    if isinstance(record, Recording) and record.gaps and estimator is None:
         gaps = "pairs"
-    if gaps not in (None, "pairs"):
-        raise ValueError(f"gaps is None (a missing sample is an error) or 'pairs', and is {gaps!r}.")
-    if gaps and method != "modwt":
-        raise ValueError("The wavelet variance by pairs is that of the MODWT: leave method out, or gaps.")
-    if gaps and efficiency is not None:
-        raise ValueError("The robust wavelet variance needs a complete record: leave efficiency out, or gaps.")
+    chosen = from_shorthands(method, efficiency, gaps) if estimator is None else as_estimator(estimator)
     require_si(unit)
     is_array = isinstance(record, Sequence) or hasattr(record, "__array__")
     if isinstance(record, (str, bytes, Mapping, Set)) or not (is_array or isinstance(record, Iterable)):
@@ -305,37 +315,17 @@ def wavelet_variance(
         units, name = (unit,) * num, ""
         rate = None if rate is None else sampling_rate(rate)
     else:
-        options = {"num_levels": num_levels, "method": method, "efficiency": efficiency, "gaps": gaps, "level": level}
+        options = {"num_levels": num_levels, "estimator": chosen, "level": level}
         return _from_blocks(record, scratch, rate=rate, unit=unit, **options)
 
-    num_samples = data.shape[0]
-    if gaps and np.any(np.isnan(data)):
-        present = ~np.isnan(data)
-        nu, eta = variance_by_pairs(np.asarray(data, dtype=np.float64), channels, num_levels)
-        low, high = interval_factors(eta, level)
-        values = (scales(len(nu)), nu, nu * low, nu * high, num_samples, level, rate)
-        return WaveletVariance(*values, tuple(channels), tuple(units), name, present=present)
-    J = check_num_levels(num_samples, num_levels)
-    matrix = data[:, None] if data.ndim == 1 else data
-    columns = []
-    for i, channel in enumerate(channels):
-        x = matrix[:, i]
-        if efficiency is not None:
-            nu = robust_wavelet_variance(x, J, efficiency=efficiency, scratch=scratch, name=channel)
-        elif method == "modwt":
-            nu = host_wavelet_variance(x, J, scratch=scratch, name=channel)
-        else:
-            finite_record(np.asarray(x), channel)
-            nu = np.asarray(haar_dwt_variance(as_float(x), J))
-        _require_noise(nu, channel)
-        columns.append(nu)
-    nu = columns[0] if data.ndim == 1 else np.column_stack(columns)
-    eta = degrees_of_freedom(num_samples, J, decimated=method == "dwt")
-    low, high = interval_factors(eta if efficiency is None else eta / widening(efficiency, J), level)
-    if nu.ndim == 2:
+    if chosen.bears_gaps and not np.any(np.isnan(data)):
+        chosen = chosen.of_complete
+    nu, dof, present = chosen.estimate(data, channels, num_levels, scratch=scratch)
+    low, high = interval_factors(dof, level)
+    if low.ndim < nu.ndim:
         low, high = low[:, None], high[:, None]
-    values = (scales(J), nu, nu * low, nu * high, num_samples, level, rate)
-    return WaveletVariance(*values, tuple(channels), tuple(units), name, method, efficiency)
+    values = (scales(len(nu)), nu, nu * low, nu * high, data.shape[0], level, rate)
+    return WaveletVariance(*values, tuple(channels), tuple(units), name, chosen, present)
 
 
 def _as_array(record: Any) -> np.ndarray:
@@ -357,23 +347,6 @@ def as_wavelet_variance(data: Any, caller: str) -> WaveletVariance:
             f"call {caller}(wavelet_variance(array, rate=...), ...)."
         )
     return data
-
-
-def _require_noise(nu: Float[np.ndarray, " J"], channel: str) -> None:
-    """Raise if the wavelet variance vanishes at a scale, by chance or because nothing changes."""
-    zero = nu <= 0
-    if np.all(zero):
-        raise ValueError(
-            f"{channel} does not change: a constant or stuck channel has no noise to model. Check the column and the "
-            "sensor."
-        )
-    if np.any(zero):
-        empty = ", ".join(str(2 ** (j + 1)) for j in np.flatnonzero(zero))
-        raise ValueError(
-            f"{channel} changes, and yet its wavelet variance is zero at spans of {empty} samples: the samples are "
-            "coarsely quantised, or repeat a pattern. Leave these scales out by num_levels=..., or take more samples. "
-            "(The robust one is zero already where half of the coefficients are: then use the classic one.)"
-        )
 
 
 def _from_blocks(blocks: Iterable[np.ndarray], scratch: str | os.PathLike | None, **options: Any) -> WaveletVariance:

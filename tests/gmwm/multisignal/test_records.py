@@ -319,8 +319,11 @@ def test_records_that_do_not_belong_together(records):
         (replace(wv, rate=None), r"Record 2 has the rate unknown"),
         (replace(wv, units=("rad/s",)), r"Record 2 has the units \('rad/s',\), and record 1 \('1',\)"),
         (recording, r"Record 2 has the channels \('channel_0',\), and record 1 \('x',\)"),
-        (replace(wv, efficiency=0.6), r"Record 2 has the estimator robust \(efficiency 0.6\), and record 1 modwt"),
-        (replace(wv, method="dwt"), r"Record 2 has the estimator dwt, and record 1 modwt"),
+        (
+            replace(wv, estimator=gj.variance.Robust(0.6)),
+            r"Record 2 has the estimator robust \(efficiency 0.6\), and record 1 modwt",
+        ),
+        (replace(wv, estimator=gj.variance.Dwt()), r"Record 2 has the estimator dwt, and record 1 modwt"),
         (replace(wv, level=0.9), r"Record 2 has intervals at the level 0.9, and record 1 0.95"),
         (replace(wv, **cut), r"Record 2 has the scales \[4.000e\+00 8"),
         (replace(wv, variance=wv.variance * np.nan), r"Record 2 has a wavelet variance or an interval that is not fin"),
@@ -345,7 +348,7 @@ def test_other_bad_input(records, joint, resamples):
     with pytest.raises(ValueError, match="15 free parameters and the wavelet variance 13 scales"):
         gj.fit_records(records, "WN + 7*GM")
     with pytest.raises(ValueError, match="gives wavelet coefficients a mean"):
-        gj.fit_records([replace(wv, efficiency=0.6) for wv in records], "WN + DR")
+        gj.fit_records([replace(wv, estimator=gj.variance.Robust(0.6)) for wv in records], "WN + DR")
     with pytest.raises(TypeError, match=r"resample_records\(\) takes the result of fit_records\(\), not Fit"):
         one_channel(joint.records[0], "resample_records")
     with pytest.raises(ValueError, match=r"4 records have 35 sets: give key=\.\.\. to draw 20, or raise the limit"):

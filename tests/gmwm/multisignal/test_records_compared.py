@@ -284,7 +284,7 @@ def test_bad_input(records, joint):
         gj.multisignal.near_stationarity(joint, 10, key=jax.random.key(1), route="fast")
     with pytest.raises(TypeError, match="key"):
         gj.multisignal.near_stationarity(joint, 10, key=3)
-    robust = gj.fit_records([replace(wv, efficiency=0.6) for wv in records], "WN")
+    robust = gj.fit_records([replace(wv, estimator=gj.variance.Robust(0.6)) for wv in records], "WN")
     with pytest.raises(ValueError, match='robust wavelet variance is replicated by route="variances"'):
         gj.multisignal.near_stationarity(robust, 10, key=jax.random.key(1), route="records")
     held = gj.fit_records(records, gj.WN(gj.Fixed(1.0)))
