@@ -8,24 +8,17 @@ import typer
 
 from gmwm_jax.app.demo import run_demo
 from gmwm_jax.app.options import (
-    Channels,
-    Columns,
-    Delimiter,
     Efficiency,
-    File,
     Json,
     Level,
     Plot,
     Rate,
     Robust,
     Seed,
-    Time,
-    TimeUnit,
-    Unit,
+    Source,
     beside,
     command,
     pairs,
-    read,
     say,
     weights_of,
     write_figure,
@@ -59,14 +52,7 @@ app.add_typer(data_app, name="data")
 
 @command(app)
 def wv(
-    file: File,
-    channels: Channels = "all",
-    rate: Rate = None,
-    unit: Unit = None,
-    time: Time = None,
-    time_unit: TimeUnit = "s",
-    columns: Columns = None,
-    delimiter: Delimiter = None,
+    source: Source,
     level: Level = 0.95,
     method: Annotated[str, typer.Option(help="modwt or dwt.")] = "modwt",
     levels: Annotated[int | None, typer.Option(help="Number of scales; floor(log2 N) - 1 by default.")] = None,
@@ -77,7 +63,7 @@ def wv(
     plot: Plot = None,
 ) -> None:
     """Wavelet variance (or Allan deviation) with confidence intervals."""
-    rec = read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    rec = source.read()
     result = wavelet_variance(
         rec, method=method, num_levels=levels, level=level, efficiency=efficiency if robust else None
     )
@@ -111,15 +97,8 @@ def wv(
 
 @command(app)
 def fit(
-    file: File,
+    source: Source,
     model: Annotated[str, typer.Option(help='For example "WN + RW + 2*GM" or "WN + GM(beta=0.01 fixed)".')],
-    channels: Channels = "all",
-    rate: Rate = None,
-    unit: Unit = None,
-    time: Time = None,
-    time_unit: TimeUnit = "s",
-    columns: Columns = None,
-    delimiter: Delimiter = None,
     level: Level = 0.95,
     datasheet: Annotated[
         str | None, typer.Option(help="Datasheet entries to draw: 'N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)'.")
@@ -135,7 +114,7 @@ def fit(
     plot: Plot = None,
 ) -> None:
     """Fit a noise model to each channel: parameters with intervals, for a filter and as a datasheet has them."""
-    rec = read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    rec = source.read()
     lines = None
     if datasheet is not None:
         promised, signal = from_datasheet(pairs(datasheet), rec.rate)
@@ -160,20 +139,13 @@ def fit(
 
 @command(app)
 def select(
-    file: File,
+    source: Source,
     model: Annotated[
         list[str],
         typer.Option(
             help='All sub-models of "WN + QN + RW + DR + 3*GM"; given several times, only these are compared.'
         ),
     ],
-    channels: Channels = "all",
-    rate: Rate = None,
-    unit: Unit = None,
-    time: Time = None,
-    time_unit: TimeUnit = "s",
-    columns: Columns = None,
-    delimiter: Delimiter = None,
     level: Level = 0.95,
     weights: Annotated[
         str, typer.Option(help="Of the superset, for all models: covariance, default, two-step or iterated.")
@@ -186,7 +158,7 @@ def select(
     plot: Plot = None,
 ) -> None:
     """Rank models by what they would say of other data, and recommend the simplest that none is better than."""
-    rec = read(file, channels, rate, unit, time, time_unit, columns, delimiter)
+    rec = source.read()
     found = select_model(
         wavelet_variance(rec, efficiency=efficiency if robust else None),
         model[0] if len(model) == 1 else model,

@@ -1,9 +1,12 @@
 """What the commands share: options, the way in, tables and files out, one message for a bad input."""
 
+import dataclasses
 import functools
+import inspect
 import json
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +14,7 @@ import typer
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.overwriting import refuse_overwriting
 from gmwm_jax.fitting.weights import NAMED
 from gmwm_jax.recordings import datasets
 from gmwm_jax.recordings.files import read_recording
@@ -18,24 +22,50 @@ from gmwm_jax.recordings.recording import Recording
 
 
 def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Make a function a command that turns errors of input into one message and exit code 1."""
+    """Make a function a command.
+
+    A parameter that is a dataclass stands for its fields, each an option of its own. Errors of input become one message
+    and exit code 1; an output onto the input is one, before anything is read.
+    """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
+        groups, parameters = {}, []
+        for parameter in inspect.signature(function).parameters.values():
+            kind: Any = parameter.annotation
+            if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+                groups[parameter.name] = kind
+                parameters += inspect.signature(kind).parameters.values()
+            else:
+                parameters.append(parameter)
+
         @functools.wraps(function)
-        def run(*args: Any, **options: Any) -> None:
+        def run(**options: Any) -> None:
             try:
-                function(*args, **options)
+                outputs = [options.get(key) for key in _OUTPUTS]
+                inputs = [path for path in (options.get("file"),) if path is not None]
+                refuse_overwriting([path for path in outputs if path is not None and str(path) != "-"], inputs)
+                for key, kind in groups.items():
+                    options[key] = kind(**{field.name: options.pop(field.name) for field in dataclasses.fields(kind)})
+                function(**options)
             except (ValueError, KeyError, OSError, ImportError) as error:
                 text = error.args[0] if isinstance(error, KeyError) else error
                 typer.echo(f"Error: {_as_options(str(text))}", err=True)
                 raise typer.Exit(1) from error
 
+        named = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]
+        run.__signature__ = inspect.Signature(named)  # type: ignore[attr-defined]
+        run.__annotations__ = {p.name: p.annotation for p in named}
         return group.command(name)(run)
 
     return register
 
 
-_OPTIONS = {"units": "unit", "num_levels": "levels"} | {n: n for n in ("rate", "time", "columns", "delimiter")}
+_OUTPUTS = ("json_file", "plot", "out")
+"""Parameters of commands that name a file to be written."""
+
+_OPTIONS = {"units": "unit", "num_levels": "levels"} | {
+    n: n for n in ("rate", "time", "columns", "delimiter", "header", "variable")
+}
 
 
 def _as_options(text: str) -> str:
@@ -51,18 +81,7 @@ def _figure_file(path: Path | None) -> Path | None:
 
 _FIGURES = (".png", ".pdf", ".svg")
 
-File = Annotated[
-    Path, typer.Argument(help="Recording: .npy, .npz, .csv, .tsv, .txt, .parquet, .rda; or the name of a data set.")
-]
-Channels = Annotated[str, typer.Option(help="'all', or names separated by commas; a group such as 'gyro' too.")]
 Rate = Annotated[float | None, typer.Option(help="Sampling rate in Hz, if the file does not state it.")]
-Unit = Annotated[
-    str | None, typer.Option(help="Unit of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'.")
-]
-Time = Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")]
-TimeUnit = Annotated[str, typer.Option(help="Unit of that column: s, ms, us, ns, min or h.")]
-Columns = Annotated[str | None, typer.Option(help="Columns to read: names or numbers (from 0), separated by commas.")]
-Delimiter = Annotated[str | None, typer.Option(help="Of a text file, if it is not to be found.")]
 Level = Annotated[float, typer.Option(help="Confidence of the intervals.")]
 Robust = Annotated[bool, typer.Option("--robust", help="Wavelet variance that gives outliers no weight.")]
 Efficiency = Annotated[float, typer.Option(help="Of the robust wavelet variance, relative to the classic one.")]
@@ -71,32 +90,48 @@ Json = Annotated[Path | None, typer.Option("--json", help="Write the results as 
 Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).", callback=_figure_file)]
 
 
-def read(
-    file: Path,
-    channels: str,
-    rate: float | None,
-    unit: str | None,
-    time: str | None,
-    time_unit: str,
-    columns: str | None,
-    delimiter: str | None,
-) -> Recording:
-    """The recording that the options speak of."""
-    units = None if unit is None else pairs(unit) if "=" in unit else unit
-    if str(file) in datasets.names() and not file.exists():
-        file = datasets.fetch(str(file))
-    rec = read_recording(
-        file,
-        rate=rate,
-        units=units,
-        columns=None if columns is None else [_column(part) for part in columns.split(",")],
-        time=None if time is None else _column(time),
-        time_unit=time_unit,
-        delimiter=delimiter,
+@dataclass(frozen=True)
+class Source:
+    """The recording that a command reads, and what its file does not state."""
+
+    file: Annotated[
+        Path,
+        typer.Argument(help="Recording: .npy, .npz, .csv, .tsv, .txt, .parquet, .nc, .rda; or the name of a data set."),
+    ]
+    channels: Annotated[str, typer.Option(help="'all', or names separated by commas; a group such as 'gyro' too.")] = (
+        "all"
     )
-    if channels == "all":
-        return rec
-    return rec[[name for part in channels.split(",") for name in rec[part.strip()].channels]]
+    rate: Rate = None
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'.")
+    ] = None
+    time: Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")] = None
+    time_unit: Annotated[str, typer.Option(help="Unit of that column: s, ms, us, ns, min or h.")] = "s"
+    columns: Annotated[
+        str | None, typer.Option(help="Columns to read: names or numbers (from 0), separated by commas.")
+    ] = None
+    delimiter: Annotated[str | None, typer.Option(help="Of a text file, if it is not to be found.")] = None
+    header: Annotated[int | None, typer.Option(min=0, help="Lines of a text file to skip.")] = None
+    variable: Annotated[str | None, typer.Option(help="What to read of an .npz or R file of several objects.")] = None
+
+    def read(self) -> Recording:
+        """Read it."""
+        file = self.file
+        if str(file) in datasets.names() and not file.exists():
+            file = datasets.fetch(str(file))
+        options = dataclasses.asdict(self)
+        del options["file"], options["channels"]
+        unit, columns, time = (options.pop(name) for name in ("unit", "columns", "time"))
+        rec = read_recording(
+            file,
+            units=pairs(unit) if unit is not None and "=" in unit else unit,
+            columns=None if columns is None else [_column(part) for part in columns.split(",")],
+            time=None if time is None else _column(time),
+            **options,
+        )
+        if self.channels == "all":
+            return rec
+        return rec[[name for part in self.channels.split(",") for name in rec[part.strip()].channels]]
 
 
 def weights_of(name: str) -> str:

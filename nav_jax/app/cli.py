@@ -15,10 +15,11 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from gmwm_jax._internal.atomic import write_atomically
-from nav_jax.app.comparison_file import Config, read_config
+from gmwm_jax._internal.overwriting import refuse_overwriting
+from nav_jax.app.comparison_file import Config, named_files, read_config
 from nav_jax.app.demo import run_demo
 from nav_jax.app.record_file import read_record
-from nav_jax.app.report import as_json, write_report
+from nav_jax.app.report import STEM, as_json, write_report
 from nav_jax.app.report_analysis import Report, budget_report, design_report, tuning_report
 from nav_jax.app.sections import FolderSection
 from nav_jax.imu.errors import ImuErrors
@@ -48,6 +49,7 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_: typer.echo(f"Warning: {_as_keys(str(message))}", err=True)
             try:
+                _refuse_overwriting(function.__name__, options)
                 function(*args, **options)
             except (ValueError, KeyError, OSError, ImportError) as error:
                 text = error.args[0] if isinstance(error, KeyError) else error
@@ -58,6 +60,25 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
                 raise typer.Exit(INTERRUPTED) from interrupt
 
     return app.command()(run)
+
+
+_STEMS = {"run": STEM, "compare": STEM, "budget": "budget", "design": "design", "tune": "tuning"}
+"""Command -> stem of the files of its report."""
+
+
+def _refuse_overwriting(command: str, options: Mapping[str, Any]) -> None:
+    """Refuse a command that would write over its configuration, or over a file that this names."""
+    config = options.get("config")
+    if config is None:
+        return
+    inputs, asked = named_files(config)
+    outputs = [path for path in (options.get("json_file"), options.get("save")) if path and str(path) != "-"]
+    if options.get("save") is None and "save" in options and asked.get("save"):
+        outputs.append(config.parent / asked["save"])
+    folder = options["out"] or (config.parent / asked["folder"] if asked.get("folder") else None)
+    if folder is not None:
+        outputs += [folder / f"{_STEMS[command]}.{suffix}" for suffix in ("txt", "json", "toml")]
+    refuse_overwriting(outputs, [config, *inputs])
 
 
 def _as_keys(text: str) -> str:

@@ -100,6 +100,32 @@ def read_config(path: str | os.PathLike[str]) -> Config:
     return from_toml(Path(path), _build)
 
 
+_FILES = ("file", "fit", "recording", "imu")
+"""Keys that name a file to be read."""
+
+
+def named_files(path: Path) -> tuple[list[Path], dict[str, str]]:
+    """Return the files that a configuration names, and what it says of its output; nothing of what is no TOML.
+
+    It is looked at before it is checked, so that an output is not written onto an input.
+    """
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return [], {}  # said when it is read
+
+    def files(value: Any) -> Iterator[Path]:
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            if isinstance(item, dict | list):
+                yield from files(item)
+            elif key in _FILES and isinstance(item, str):
+                yield path.parent / item
+
+    output = tables.get("output", {})
+    texts = {k: v for k, v in output.items() if isinstance(v, str)} if isinstance(output, dict) else {}
+    return list(files(tables)), texts
+
+
 def _build(tables: Mapping[str, Any], folder: Path) -> Config:
     check_sections(tables, _SECTIONS, ("trajectory", "truth"))
     # all sections are checked before the first file is read

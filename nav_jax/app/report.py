@@ -14,7 +14,10 @@ from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_st
 from nav_jax.plotting.trajectory import plot_trajectory
 from nav_jax.simulation.comparison import Comparison
 
-TEXT, CONTENT = "comparison.txt", "comparison.json"
+STEM = "comparison"
+"""Of the names of the files."""
+
+TEXT, CONTENT = f"{STEM}.txt", f"{STEM}.json"
 
 
 def as_text(comparison: Comparison) -> str:

@@ -416,5 +416,42 @@ def test_a_missing_package_is_named(monkeypatch):
 def test_an_error_of_the_package_itself_is_not_hidden(monkeypatch):
     monkeypatch.setitem(sys.modules, "gmwm_jax.app.demo", None)
     monkeypatch.delitem(sys.modules, "gmwm_jax.app.cli")
-    with pytest.raises(ModuleNotFoundError, match=r"gmwm_jax\.demo"):
+    with pytest.raises(ModuleNotFoundError, match=r"gmwm_jax\.app\.demo"):
         __main__.main()
+
+
+# outputs onto inputs
+
+
+@pytest.mark.parametrize("command", [("wv",), ("fit", "--model", MODEL), ("select", "--model", MODEL)])
+@pytest.mark.parametrize("link", [False, True])
+def test_the_input_is_never_written_over(tmp_path, monkeypatch, npz, command, link):
+    """By its name or by a link, and before it is read."""
+    source = tmp_path / "rec.npz"
+    source.write_bytes(npz.read_bytes())
+    target = tmp_path / "out.json" if link else source
+    if link:
+        target.symlink_to(source)
+    monkeypatch.setattr("gmwm_jax.app.options.read_recording", lambda *a, **k: pytest.fail("It was read."))
+    result = call(command[0], source, *command[1:], "--json", target, code=1)
+    assert "would be written over" in result.stderr
+    assert source.read_bytes() == npz.read_bytes()
+
+
+def test_two_outputs_are_two_files(tmp_path, npz):
+    out = tmp_path / "a.png"
+    assert "would be written twice" in call("wv", npz, "--json", out, "--plot", out, code=1).stderr
+    assert not out.exists()
+
+
+def test_options_of_reading_reach_the_reader(tmp_path, rec):
+    """Those of text files, and of archives of several objects."""
+    text = "Logger 7\nx;y\nu;v\n" + "".join(f"{a!r};{b!r}\n" for a, b in rec.data[:, :2].tolist())
+    (tmp_path / "a.txt").write_text(text)
+    options = ("--rate", 100, "--unit", "rad/s", "--json", "-", "--levels", 3)
+    by_text = json.loads(call("wv", tmp_path / "a.txt", "--header", 3, *options).stdout)
+    np.savez(tmp_path / "a.npz", a=rec.data[:, :2], b=rec.data)
+    by_name = json.loads(call("wv", tmp_path / "a.npz", "--variable", "a", *options).stdout)
+    assert [c["variance"] for c in by_text["channels"].values()] == [
+        c["variance"] for c in by_name["channels"].values()
+    ]

@@ -337,3 +337,48 @@ def test_a_missing_package_is_named(monkeypatch, package):
         monkeypatch.delitem(sys.modules, f"nav_jax.app.{module}")
     with pytest.raises(SystemExit, match=rf'needs the package {package}: pip install "gmwm-jax\[app\]"'):
         __main__.main()
+
+
+# outputs onto inputs
+
+
+OVER = {
+    "--json": lambda d: ("--json", d / "a.toml"),
+    "link": lambda d: ("--json", d / "link"),
+    "fits": lambda d: ("--json", d / "fits.json"),
+    "folder": lambda d: ("--out", d),
+    "save": lambda d: ("--save", d / "runs.nc"),
+}
+
+
+@pytest.mark.parametrize("how", OVER)
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_no_input_is_written_over(tmp_path, monkeypatch, command, how):
+    """The configuration, and what it names; before anything of it is read."""
+    named = {"folder": "comparison.json", "save": "runs.nc"}.get(how, "fits.json")
+    config = tmp_path / "a.toml"
+    config.write_text(TEXT + f'[filters.fitted]\nfit = "{named}"\n')
+    (tmp_path / named).write_text("precious")
+    (tmp_path / "link").symlink_to(config)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr(cli, "read_config", lambda path: pytest.fail("It was read."))
+    result = call(command, config, *OVER[how](tmp_path), code=1)
+    assert "would be written over" in result.stderr
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_what_the_configuration_says_of_its_output_is_looked_at(tmp_path):
+    config = tmp_path / "a.toml"
+    config.write_text(TEXT + '[output]\nfolder = "."\n[filters.fitted]\nfit = "comparison.json"\n')
+    assert "would be written over" in call("compare", config, code=1).stderr
+    config.write_text(TEXT + '[output]\nsave = "a.toml"\n')
+    assert "would be written over" in call("compare", config, code=1).stderr
+
+
+@pytest.mark.parametrize("command", ["design", "tune"])
+def test_a_configuration_called_as_its_report(tmp_path, command):
+    """The filters that are found are written as design.toml or tuning.toml."""
+    config = tmp_path / {"design": "design.toml", "tune": "tuning.toml"}[command]
+    config.write_text(TEXT)
+    assert "would be written over" in call(command, config, "--out", tmp_path, code=1).stderr
+    assert config.read_text() == TEXT
