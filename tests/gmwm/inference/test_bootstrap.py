@@ -131,6 +131,16 @@ def test_replicates_depend_on_their_key_alone(fit, boot):
     np.testing.assert_allclose(few.values, boot.values[:70], rtol=1e-6)
 
 
+def test_replicates_from_simulated_records(fit, boot):
+    """Eight of them: positive, of the same size as those from theory, with a fit each."""
+    records = gj.bootstrap(fit, 8, key=jax.random.key(7), route="records")
+    assert records.values.shape == (8, 3)
+    assert records.variances.shape == (8, len(fit.fitted))
+    assert records.num_failed == 0
+    np.testing.assert_allclose(records.variances[:, 0].mean(), fit.fitted[0], rtol=0.1)
+    assert np.all(np.abs(np.log(records.values / np.median(boot.values, axis=0))) < 1)
+
+
 def test_an_interrupt_returns_what_is_done(fit, monkeypatch):
     done = []
 

@@ -9,7 +9,7 @@ from scipy import stats
 import gmwm_jax as gj
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
-NUM_SAMPLES, NUM_RECORDS = 20_000, 400
+NUM_SAMPLES, NUM_RECORDS = 20_000, 8
 LEVELS = 9
 """Up to spans of 512 samples, where 39 degrees of freedom make a variance nearly normal."""
 

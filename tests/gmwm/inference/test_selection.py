@@ -156,6 +156,15 @@ def test_a_weak_random_walk_is_not_left_out():
             assert s.recommended is s["WN + GM + RW"]
 
 
+def test_optimism_by_replicates(data):
+    """Near to twice the number of parameters, as far as 20 replicates can tell; more are drawn in tests/validation."""
+    s = gj.select(data["2"], SUPERSET, num_replicates=20, key=jax.random.key(4))
+    c = s["WN + GM"]
+    assert 0 < c.optimism < 6 * c.num_parameters
+    assert s.num_replicates == 20
+    assert "20 replicates" in repr(s)
+
+
 # -- the result --------------------------------------------------------------------------------------------------------
 
 

@@ -165,6 +165,14 @@ def test_a_replicate_is_a_joint_fit(records, omega):
         assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", weights=omega).objective, rel=1e-6)
 
 
+def test_replicates_from_simulated_records(joint, same_test):
+    """Objectives of the same size as those of variances drawn from theory."""
+    slow = gj.multisignal.near_stationarity(joint, 8, key=jax.random.key(8), route="records")
+    assert slow.num_failed == 0
+    assert slow.objective.shape == (8,)
+    assert 0.3 < np.mean(slow.objective) / np.mean(same_test.objective) < 3
+
+
 def test_replicates_depend_on_their_key_alone(joint, same_test):
     few = gj.multisignal.near_stationarity(joint, 70, key=jax.random.key(4))
     np.testing.assert_allclose(few.objective, same_test.objective[:70], rtol=1e-6)

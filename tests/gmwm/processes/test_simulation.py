@@ -200,3 +200,13 @@ def test_single_precision_is_refused(key):
     model = WN(1.0)
     with jax.enable_x64(False), pytest.raises(RuntimeError, match="jax_enable_x64"):
         simulate(model, 10, key=key)
+
+
+@pytest.mark.parametrize("model", [WN(2.0), GM(0.1, 3.0)], ids=repr)
+def test_variances_of_a_few_records(model, key):
+    """Of all samples of 64 records; means, covariances and wavelet variances of every process are in tests/validation.
+
+    Of 64 * 200 samples with a correlation time of 10 some 640 are independent: 4.5 sigma are a quarter.
+    """
+    x = np.stack([np.asarray(simulate(model, 200, key=one)) for one in jax.random.split(key, 64)])
+    np.testing.assert_allclose(np.var(x), float(model.autocovariance([0])[0]), rtol=0.25)

@@ -120,3 +120,14 @@ def test_the_figure_with_a_third_curve():
     (line,) = [one for one in figure.axes[0].lines if one.get_label() == f"cleaned: {cleaned.missing}"]
     np.testing.assert_array_equal(line.get_ydata(), cleaned.variance)
     figure.canvas.draw()
+
+
+@pytest.mark.parametrize("length", [1, 5])
+def test_a_cleaned_record_has_the_clean_white_noise(length):
+    """1 % of the samples 10 sigma off, one by one or in bursts; fits of whole models are in tests/validation."""
+    x = white(20_000)
+    y, _ = contaminated(x, length, 0)
+    clean = gj.wavelet_variance(x)
+    cleaned = gj.wavelet_variance(gj.recordings.mask_outliers(recording(y)).recording)
+    assert clean.ci_low[0] < np.ravel(cleaned.variance)[0] < clean.ci_high[0]
+    assert gj.wavelet_variance(y).variance[0] > clean.ci_high[0]

@@ -8,6 +8,7 @@ import scipy.linalg
 
 import gmwm_jax as gj
 from gmwm_jax.variance._skewness import wv_skewness
+from gmwm_jax.variance.replicates import theory_draws
 
 MIXED = "WN(sigma2=1.0) + GM(beta=0.01, variance=0.2) + RW(gamma2=1e-6)"
 
@@ -41,3 +42,16 @@ def test_skewness(text, num_samples):
     np.testing.assert_allclose(ours[few], exact[few], rtol=1e-2)
     assert np.all(ours[~few] <= exact[~few] * 1.001)
     np.testing.assert_allclose(ours[~few], exact[~few], rtol=0.35)
+
+
+def test_draws_are_positive_and_lean_to_the_right():
+    """Their three moments, and their tail against that of records, are in tests/validation."""
+    model, num_samples = gj.parse_model("RW(gamma2=1.0)"), 2000
+    wv = gj.wavelet_variance(np.asarray(gj.simulate(model, num_samples, key=jax.random.key(0))))
+    V = np.asarray(gj.variance.wv_covariance(model, num_samples))
+    draws = theory_draws(model, wv, V)(jax.random.split(jax.random.key(1), 64))
+    assert draws.shape == (64, wv.num_scales)
+    assert np.all(draws > 0)
+    expected = np.asarray(model.wavelet_variance(wv.scales))
+    assert np.all(np.abs(draws.mean(axis=0) - expected) < 4.5 * np.sqrt(np.diag(V) / 64))
+    assert draws[:, -1].mean() > np.median(draws[:, -1])

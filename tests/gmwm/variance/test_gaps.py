@@ -218,6 +218,18 @@ def test_a_fit_knows_the_gaps(gappy):
     assert slopes.table["WN", "N"].ci_low > 0
 
 
+def test_replicates_leave_out_what_is_missing():
+    """Eight records and eight refits; how they scatter, and how often intervals cover, is in tests/validation."""
+    present = scattered(500, 0.4)
+    x = np.random.default_rng(3).standard_normal(500)
+    fit = gj.fit(gj.wavelet_variance(with_gaps(x, present), gaps="pairs", num_levels=4), "WN")
+    boot = gj.bootstrap(fit, 8, key=jax.random.key(1), route="records")
+    assert boot.num_failed == 0
+    assert boot.variances.shape == (8, 4)
+    np.testing.assert_allclose(boot.variances[:, 0].mean(), fit.fitted[0], rtol=0.2)
+    np.testing.assert_allclose(boot.good[:, 0], boot.variances[:, 0] * 2, rtol=0.3)
+
+
 def test_a_recording_with_gaps(gappy, tmp_path):
     recording = gj.Recording.from_array(gappy, rate=10.0, units="deg/s", channels=["a", "b"], gaps=True)
     missing = int(np.sum(np.isnan(gappy)))

@@ -113,3 +113,13 @@ def test_navigation_is_smoothed():
     assert np.all(smooth.sd[:-1, :3] < plain.sd[:-1, :3])
     assert smooth.trajectory.name == "smoothed navigation"
     np.testing.assert_allclose(smooth.nis["gnss_position"], plain.nis["gnss_position"], atol=1e-20)
+
+
+def test_it_is_better_where_fixes_are_missing(outcomes):
+    """In the middle of the outage, by its own claims and in the errors of the four runs taken together."""
+    plain, smooth = (o.judgement for o in outcomes)
+    errors = [np.sqrt(np.mean(np.square(np.asarray(j.error)[:, :3]), axis=(1, 2))) for j in (plain, smooth)]
+    claims = [np.asarray(j.sd)[:, :3].mean(axis=(1, 2)) for j in (plain, smooth)]
+    worst = errors[0].argmax()
+    assert errors[1][worst] < 0.5 * errors[0][worst]
+    assert np.all(claims[1][:-1] < claims[0][:-1])

@@ -76,6 +76,16 @@ def test_all_filters_have_the_same_runs(seven):
     assert np.corrcoef(a, b)[0, 1] > 0.9
 
 
+def test_the_right_filter_claims_the_size_of_its_errors(seven):
+    """Of seven runs a mean NEES within a factor of 3; bands, coverage and innovations of 2000 are in tests/validation.
+
+    The wrong filter claims too little.
+    """
+    for group, dof in seven["right"].dof.items():
+        assert 1 / 3 < seven["right"].nees[group].mean() / dof < 3
+    assert seven["wrong"].nees["navigation"].mean() > seven["right"].nees["navigation"].mean()
+
+
 def test_another_key_makes_other_runs(seven):
     other = compare(key=jax.random.key(6), chunk_size=7)["right"]
     assert np.abs(other.error[:, -1, :3] - seven["right"].error[:, -1, :3]).min() > 1e-6
