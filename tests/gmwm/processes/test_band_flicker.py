@@ -16,18 +16,18 @@ def test_cosine_integral_is_scipys():
     x = np.concatenate([np.geomspace(1e-12, 4, 500), np.linspace(3.9, 4.1, 101), np.geomspace(4, 1e9, 500)])
     expected = sici(x)[1]
     seen = np.asarray(jax.jit(cosine_integral)(x))
-    np.testing.assert_allclose(seen, expected, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(seen, expected, rtol=1e-13, atol=1e-13)
     # beyond the switch also as a share of its size, 1/x
-    assert np.max(np.abs(seen - expected)[x > 4] * x[x > 4]) < 1e-14
+    assert np.max(np.abs(seen - expected)[x > 4] * x[x > 4]) < 1e-13
 
 
 def test_cosine_integral_differentiates():
     """cos(x)/x, and once more, both ways, on either side of the switch."""
     for x in (1e-3, 2.0, 4.0, 30.0):
         at = jnp.asarray(x)
-        assert float(jax.grad(cosine_integral)(at)) == pytest.approx(np.cos(x) / x, rel=1e-14)
+        assert float(jax.grad(cosine_integral)(at)) == pytest.approx(np.cos(x) / x, rel=1e-13)
         second = -np.sin(x) / x - np.cos(x) / x**2
-        assert float(jax.grad(jax.grad(cosine_integral))(at)) == pytest.approx(second, rel=1e-13)
+        assert float(jax.grad(jax.grad(cosine_integral))(at)) == pytest.approx(second, rel=1e-12)
 
 
 @pytest.mark.parametrize("f0", [1e-3, 0.05, 0.7])

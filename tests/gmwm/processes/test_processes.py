@@ -64,7 +64,7 @@ def test_textbook_formula_is_the_sum_over_lags(case):
     for values in case.parameters:
         taus = [2, 6, 8, 250, 512]
         defined, closed = defined_wavelet_variance(case, values, taus), closed_wavelet_variance(case, values, taus)
-        assert max(abs(a / b - 1) for a, b in zip(defined, closed, strict=True)) < 1e-40, values
+        assert max(abs(a / b - 1) for a, b in zip(defined, closed, strict=True)) < 1e-39, values
 
 
 @pytest.mark.parametrize("case", rows())
@@ -204,7 +204,7 @@ def test_gradient_of_the_autocovariance(case):
     forward, reverse = jax.jit(jax.jacfwd(autocovariance)), jax.jit(jax.jacrev(autocovariance))
     for values in case.parameters:
         f, r = forward(jnp.asarray(values)), reverse(jnp.asarray(values))
-        np.testing.assert_allclose(f, r, rtol=1e-12, atol=1e-15, err_msg=str(values))
+        np.testing.assert_allclose(f, r, rtol=1e-12, atol=1e-14, err_msg=str(values))
         for index in range(len(values)):
 
             def of_one(x, lag, values=values, index=index):
@@ -213,7 +213,7 @@ def test_gradient_of_the_autocovariance(case):
                 return case.autocovariance(*parameters, 6)[lag]
 
             expected = [float(MP.diff(lambda x, lag=lag: of_one(x, lag), MP.mpf(values[index]))) for lag in range(6)]
-            np.testing.assert_allclose(f[:, index], expected, rtol=1e-10, atol=1e-15, err_msg=str(values))
+            np.testing.assert_allclose(f[:, index], expected, rtol=1e-10, atol=1e-14, err_msg=str(values))
 
 
 def test_new_parameter_values_do_not_retrace():
@@ -266,7 +266,7 @@ def test_haar_transfer_function():
     f = np.linspace(0.001, 0.5, 20)
     for tau in (2, 4, 6, 64):
         response = np.exp(-2j * np.pi * np.outer(f, np.arange(tau))) @ haar_filter(tau) / tau
-        np.testing.assert_allclose(haar_gain(tau, f), np.abs(response) ** 2, atol=1e-14)
+        np.testing.assert_allclose(haar_gain(tau, f), np.abs(response) ** 2, atol=1e-13)
 
 
 def haar_gain(tau, f):
@@ -400,15 +400,15 @@ def test_unconstrained_round_trip(case):
         vector = process.unconstrained()
         assert vector.shape == (len(values),)
         again = case.cls.from_unconstrained(vector)
-        np.testing.assert_allclose(again.values, values, rtol=1e-13, atol=1e-15, err_msg=str(values))
+        np.testing.assert_allclose(again.values, values, rtol=1e-13, atol=1e-14, err_msg=str(values))
         # any point of the real line is a valid process
         for x in (-20.0, 0.0, 20.0):
             case.cls.from_unconstrained(jnp.full(len(values), x))
 
 
 def test_unconstrained_is_the_log_or_the_logit():
-    np.testing.assert_allclose(GM(0.1, 3.0).unconstrained(), np.log([0.1, 3.0]), rtol=1e-15)
-    np.testing.assert_allclose(AR1(0.5, 3.0).unconstrained(), np.log([1.5 / 0.5, 3.0]), rtol=1e-15)
+    np.testing.assert_allclose(GM(0.1, 3.0).unconstrained(), np.log([0.1, 3.0]), rtol=1e-14)
+    np.testing.assert_allclose(AR1(0.5, 3.0).unconstrained(), np.log([1.5 / 0.5, 3.0]), rtol=1e-14)
 
 
 @pytest.mark.parametrize("case", rows())
@@ -428,7 +428,7 @@ def test_each_line_decides_what_it_names(case):
 def test_composite_unconstrained_follows_the_components():
     model = WN(2.0) + GM(0.1, 3.0) + GM(0.01, 4.0)
     vector = model.unconstrained()
-    np.testing.assert_allclose(vector, np.log([2.0, 0.1, 3.0, 0.01, 4.0]), rtol=1e-15)
+    np.testing.assert_allclose(vector, np.log([2.0, 0.1, 3.0, 0.01, 4.0]), rtol=1e-14)
     moved = model.with_unconstrained(vector + np.log(2.0))
     assert repr(moved) == "WN(sigma2=4) + GM(beta=0.2, variance=6) + GM(beta=0.02, variance=8)"
 
@@ -464,9 +464,9 @@ def test_amplitude_scales_the_wavelet_variance(case):
     """What the estimator relies on: linear in the amplitude, `value_of` inverts `amplitude_of`."""
     values = case.parameters[-1]
     process = case.cls(*values)
-    np.testing.assert_allclose(case.cls.value_of(process.amplitude), values[-1], rtol=1e-15)
+    np.testing.assert_allclose(case.cls.value_of(process.amplitude), values[-1], rtol=1e-14)
     doubled = case.cls(*values[:-1], case.cls.value_of(2 * process.amplitude))
-    np.testing.assert_allclose(doubled.wavelet_variance([2, 64]), 2 * process.wavelet_variance([2, 64]), rtol=1e-14)
+    np.testing.assert_allclose(doubled.wavelet_variance([2, 64]), 2 * process.wavelet_variance([2, 64]), rtol=1e-13)
 
 
 @pytest.mark.parametrize("case", rows())
@@ -524,14 +524,14 @@ def test_plus_adds_variances():
     assert model.num_parameters == model.num_free == 8
     tau = [2, 4, 64]
     np.testing.assert_allclose(
-        model.wavelet_variance(tau), np.sum([p.wavelet_variance(tau) for p in parts], axis=0), rtol=1e-15
+        model.wavelet_variance(tau), np.sum([p.wavelet_variance(tau) for p in parts], axis=0), rtol=1e-14
     )
     stationary = [WN(1.0), QN(0.5), AR1(-0.5, 2.0)]
     model = stationary[0] + stationary[1] + stationary[2]
     f, lag = [0.1, 0.4], np.arange(4)
-    np.testing.assert_allclose(model.psd(f), np.sum([p.psd(f) for p in stationary], axis=0), rtol=1e-15)
+    np.testing.assert_allclose(model.psd(f), np.sum([p.psd(f) for p in stationary], axis=0), rtol=1e-14)
     np.testing.assert_allclose(
-        model.autocovariance(lag), np.sum([p.autocovariance(lag) for p in stationary], axis=0), rtol=1e-15
+        model.autocovariance(lag), np.sum([p.autocovariance(lag) for p in stationary], axis=0), rtol=1e-14
     )
 
 

@@ -44,7 +44,7 @@ def test_recursion_is_the_filter(num, phi):
     for start in (0.0, 3.0):
         expected, _ = scipy.signal.lfilter([1.0], [1.0, -phi], e, zi=[phi * start])
         seen = recursion(jnp.asarray(phi), jnp.asarray(e), jnp.asarray(start))
-        np.testing.assert_allclose(seen, expected, rtol=0, atol=1e-12 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(seen, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max()))
 
 
 def test_recursion_is_the_loop():
@@ -53,7 +53,7 @@ def test_recursion_is_the_loop():
     for e_t in e:
         x = phi * x + e_t
         expected.append(x)
-    np.testing.assert_allclose(recursion(jnp.asarray(phi), jnp.asarray(e), jnp.asarray(2.0)), expected, atol=1e-13)
+    np.testing.assert_allclose(recursion(jnp.asarray(phi), jnp.asarray(e), jnp.asarray(2.0)), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.9, 1.0, -0.5])
@@ -70,7 +70,7 @@ def test_recursion_is_differentiable(phi):
             jax.jit(jax.grad(lambda *a, run=run: jnp.sum(run(*a)[-3:] ** 2), wrt))(*arguments)
             for run in (scanned, first_order_recursion)
         )
-        np.testing.assert_allclose(blocks, loop, rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(blocks, loop, rtol=1e-10, atol=1e-11)
 
 
 # -- moments ---------------------------------------------------------------------------------------------------------
@@ -91,8 +91,8 @@ def test_adding_a_component_leaves_the_others_as_they_were(added, key):
     """Common random numbers: a sum draws the sum of what its components draw alone, wherever they stand."""
     base = WN(1.0) + GM(0.1, 0.5)
     expected = simulate(base, 300, key=key) + simulate(added, 300, key=key)
-    np.testing.assert_allclose(simulate(base + added, 300, key=key), expected, atol=1e-13)
-    np.testing.assert_allclose(simulate(added + base, 300, key=key), expected, atol=1e-13)
+    np.testing.assert_allclose(simulate(base + added, 300, key=key), expected, atol=1e-12)
+    np.testing.assert_allclose(simulate(added + base, 300, key=key), expected, atol=1e-12)
 
 
 def test_another_component_of_a_kind_leaves_the_others_as_they_were(key):
@@ -100,7 +100,7 @@ def test_another_component_of_a_kind_leaves_the_others_as_they_were(key):
     first, other, second = GM(0.1, 0.5), GM(0.3, 1.0), GM(0.01, 2.0)
     drawn = simulate(first + second, 300, key=key) - simulate(first, 300, key=key)
     again = simulate(other + WN(1.0) + second, 300, key=key) - simulate(other + WN(1.0), 300, key=key)
-    np.testing.assert_allclose(drawn, again, atol=1e-13)
+    np.testing.assert_allclose(drawn, again, atol=1e-12)
 
 
 def test_components_of_one_kind_are_independent(key):
@@ -129,8 +129,8 @@ def test_results_do_not_depend_on_vmap_or_jit(key):
     one_by_one = np.stack([simulate(model, 200, key=k) for k in keys])
     together = jax.jit(jax.vmap(lambda k: simulate(model, 200, key=k)))(keys)
     chunked = jax.lax.map(lambda k: simulate(model, 200, key=k), keys, batch_size=2)
-    np.testing.assert_allclose(together, one_by_one, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(chunked, one_by_one, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(together, one_by_one, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(chunked, one_by_one, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("case", rows())

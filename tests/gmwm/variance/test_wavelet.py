@@ -45,15 +45,15 @@ LENGTHS = [4, 5, 7, 8, 9, 100, 1000, 1024, 2047, 2048, 2049, 32767, 32768, 32769
 def test_host_path_equals_the_textbook_loop(num):
     x = np.random.default_rng(num).normal(size=num) + 7.0
     J = num.bit_length() - 2
-    np.testing.assert_allclose(host_wavelet_variance(x), textbook(x, J), rtol=1e-12)
+    np.testing.assert_allclose(host_wavelet_variance(x), textbook(x, J), rtol=1e-11)
 
 
 @pytest.mark.parametrize("num", [4, 7, 100, 1024, 2049, 5000])
 def test_jax_path_equals_the_textbook_loop(num):
     x = np.random.default_rng(num).normal(size=num) + 7.0
     J = num.bit_length() - 2
-    np.testing.assert_allclose(haar_wavelet_variance(jnp.asarray(x)), textbook(x, J), rtol=1e-12)
-    np.testing.assert_allclose(haar_dwt_variance(jnp.asarray(x)), textbook(x, J, decimated=True), rtol=1e-12)
+    np.testing.assert_allclose(haar_wavelet_variance(jnp.asarray(x)), textbook(x, J), rtol=1e-11)
+    np.testing.assert_allclose(haar_dwt_variance(jnp.asarray(x)), textbook(x, J, decimated=True), rtol=1e-11)
 
 
 @pytest.mark.parametrize(("fine", "block"), [(1, 64), (3, 64), (5, 128), (10, 4096)])
@@ -62,14 +62,14 @@ def test_result_does_not_depend_on_how_the_record_is_cut(monkeypatch, fine, bloc
     expected = host_wavelet_variance(x)
     monkeypatch.setattr(wavelet_host, "_FINE_LEVELS", fine)
     monkeypatch.setattr(wavelet_host, "_BLOCK", block)
-    np.testing.assert_allclose(host_wavelet_variance(x), expected, rtol=1e-12)
+    np.testing.assert_allclose(host_wavelet_variance(x), expected, rtol=1e-11)
 
 
 def test_all_levels_down_to_a_single_coefficient():
     x = np.random.default_rng(1).normal(size=64)
-    np.testing.assert_allclose(host_wavelet_variance(x, 6), textbook(x, 6), rtol=1e-12)
+    np.testing.assert_allclose(host_wavelet_variance(x, 6), textbook(x, 6), rtol=1e-11)
     x = np.random.default_rng(1).normal(size=2**16 + 5)
-    np.testing.assert_allclose(host_wavelet_variance(x, 16), textbook(x, 16), rtol=1e-12)
+    np.testing.assert_allclose(host_wavelet_variance(x, 16), textbook(x, 16), rtol=1e-11)
 
 
 def test_large_mean_and_trend_do_not_cost_digits():
@@ -79,7 +79,7 @@ def test_large_mean_and_trend_do_not_cost_digits():
     shifted = x + 1e6
     np.testing.assert_allclose(host_wavelet_variance(shifted), textbook(shifted, 13), rtol=1e-9)
     trend = x + 1e-3 * np.arange(20_000)
-    np.testing.assert_allclose(host_wavelet_variance(trend), textbook(trend, 13), rtol=1e-11)
+    np.testing.assert_allclose(host_wavelet_variance(trend), textbook(trend, 13), rtol=1e-10)
 
 
 def test_memory_map_and_blocks_equal_the_array(tmp_path):
@@ -90,17 +90,17 @@ def test_memory_map_and_blocks_equal_the_array(tmp_path):
     mapped = gj.wavelet_variance(np.load(file, mmap_mode="r"), rate=10.0, scratch=tmp_path)
     blocks = gj.wavelet_variance((x[i : i + 999] for i in range(0, x.size, 999)), rate=10.0, scratch=tmp_path)
     for chunked in (mapped, blocks):
-        np.testing.assert_allclose(chunked.variance, whole.variance, rtol=1e-12)
-        np.testing.assert_allclose(chunked.ci_high, whole.ci_high, rtol=1e-12)
+        np.testing.assert_allclose(chunked.variance, whole.variance, rtol=1e-11)
+        np.testing.assert_allclose(chunked.ci_high, whole.ci_high, rtol=1e-11)
         assert chunked.num_samples == whole.num_samples
     assert [p.name for p in tmp_path.iterdir()] == ["x.npy"], "scratch files are removed"
 
 
 def test_integer_and_single_precision_records_are_computed_in_double():
     x = np.random.default_rng(4).integers(-1000, 1000, size=3000).astype(np.int16)
-    np.testing.assert_allclose(gj.wavelet_variance(x).variance, textbook(x, 10), rtol=1e-12)
+    np.testing.assert_allclose(gj.wavelet_variance(x).variance, textbook(x, 10), rtol=1e-11)
     y = x.astype(np.float32) / 7
-    np.testing.assert_allclose(gj.wavelet_variance(y).variance, textbook(y, 10), rtol=1e-12)
+    np.testing.assert_allclose(gj.wavelet_variance(y).variance, textbook(y, 10), rtol=1e-11)
 
 
 def test_is_half_the_overlapping_allan_variance_of_allantools():
@@ -141,9 +141,9 @@ def test_real_recording_equals_r(adis):
     for i, r in enumerate(reference):
         np.testing.assert_array_equal(wv.scales, r["scales"])
         x = rec.data[:, i]
-        np.testing.assert_allclose(wv.variance[:, i], textbook(x - x.mean(), 18), rtol=1e-13)
-        np.testing.assert_allclose(as_r_sums_it(x, 18), r["variance"], rtol=1e-12)
-        np.testing.assert_allclose(wv.variance[:, i], r["variance"], rtol=1e-12 if i < 3 else 2e-11)
+        np.testing.assert_allclose(wv.variance[:, i], textbook(x - x.mean(), 18), rtol=1e-12)
+        np.testing.assert_allclose(as_r_sums_it(x, 18), r["variance"], rtol=1e-11)
+        np.testing.assert_allclose(wv.variance[:, i], r["variance"], rtol=1e-11 if i < 3 else 2e-11)
 
 
 def test_intervals_of_the_real_recording_equal_r(adis):
@@ -159,20 +159,20 @@ def test_interval_is_chi_square():
     np.testing.assert_allclose(eta, np.maximum((1000 - 2.0 ** np.arange(1, 9) + 1) / 2.0 ** np.arange(1, 9), 1))
     for level in (0.5, 0.95, 0.999):
         low, high = interval_factors(eta, level)
-        np.testing.assert_allclose(low, eta / chi2.ppf((1 + level) / 2, eta), rtol=1e-12)
-        np.testing.assert_allclose(high, eta / chi2.ppf((1 - level) / 2, eta), rtol=1e-12)
+        np.testing.assert_allclose(low, eta / chi2.ppf((1 + level) / 2, eta), rtol=1e-11)
+        np.testing.assert_allclose(high, eta / chi2.ppf((1 - level) / 2, eta), rtol=1e-11)
 
 
 def test_jax_path_maps_compiles_once_and_differentiates(key):
     x = jax.random.normal(key, (5, 300), dtype=jnp.float64)
     f = jax.jit(jax.vmap(eqx.debug.assert_max_traces(haar_wavelet_variance, max_traces=1)))
-    np.testing.assert_allclose(f(x)[2], haar_wavelet_variance(x[2]), rtol=1e-13)
+    np.testing.assert_allclose(f(x)[2], haar_wavelet_variance(x[2]), rtol=1e-12)
     f(x + 1)
     # the variance is a quadratic form: its gradient along x itself is twice the value
     value, slope = jax.jvp(haar_wavelet_variance, (x[0],), (x[0],))
-    np.testing.assert_allclose(slope, 2 * value, rtol=1e-12)
+    np.testing.assert_allclose(slope, 2 * value, rtol=1e-11)
     gradient = jax.jacrev(haar_wavelet_variance)(x[0])
-    np.testing.assert_allclose(gradient @ x[0], 2 * value, rtol=1e-12)
+    np.testing.assert_allclose(gradient @ x[0], 2 * value, rtol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -321,7 +321,7 @@ def test_object_knows_its_channels_and_prints_itself():
     one = wv["accel_x"]
     np.testing.assert_array_equal(one.variance, wv.variance[:, 1])
     assert one.units == ("m/s^2",)
-    np.testing.assert_allclose(one.variance, textbook(x[:, 1] * 9.80665, 6), rtol=1e-12)
+    np.testing.assert_allclose(one.variance, textbook(x[:, 1] * 9.80665, 6), rtol=1e-11)
     np.testing.assert_allclose(one.times, one.scales / 50)
     assert "accel_x [(m/s^2)^2]" in repr(wv)
     assert "95 % low" in repr(one)

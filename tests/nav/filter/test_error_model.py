@@ -119,8 +119,8 @@ def test_transition_is_that_of_the_mechanisation(n):
     row = np.concatenate([np.full(3, f * T**2 / 2), np.full(3, f * T), np.ones(3), np.ones(M)])
     column = np.concatenate([row[:9], [f if s.channel < 3 else 1 / T for s in BANK.states]])
     off = np.abs(Phi - true) / row[:, None] * column[None, :]
-    assert off[:, :9].max() < 1e-11
-    assert off[9:].max() < 1e-11
+    assert off[:, :9].max() < 1e-10
+    assert off[9:].max() < 1e-10
     assert off.max() < 0.25 * ROTATION * T
     # what accelerometers do to velocity, and gyros to attitude, is right to the second order
     accel = [9 + i for i, s in enumerate(BANK.states) if s.channel < 3]
@@ -137,8 +137,8 @@ def test_any_covariance_goes_by_that_transition(n):
     A = np.random.default_rng(3).normal(size=(N, N))
     P = np.broadcast_to((A @ A.T)[:, :, None], (N, N, N + 1))
     out = np.asarray(propagated(jnp.asarray(P), imu, start))[:, :, 0]
-    np.testing.assert_allclose(out, Phi @ P[:, :, 0] @ Phi.T + Q, rtol=1e-11, atol=1e-12)
-    np.testing.assert_allclose(out, out.T, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(out, Phi @ P[:, :, 0] @ Phi.T + Q, rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(out, out.T, rtol=1e-11, atol=1e-13)
 
 
 def brute_force(imu, start):
@@ -160,7 +160,7 @@ def brute_force(imu, start):
 def test_the_textbook_is_the_derivative_of_the_mechanisation():
     """Matrix exponentials in body axes and automatic differentiation: two ways to one transition."""
     imu, start = motion(10, rough=True)
-    np.testing.assert_allclose(brute_force(imu, start)[0], true_transition(imu, start), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(brute_force(imu, start)[0], true_transition(imu, start), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("rough", [False, True])

@@ -32,15 +32,15 @@ def white(scale=1.0):
 @pytest.mark.parametrize("gains", ["estimate", "reference"])
 @pytest.mark.parametrize("every", [1, 10])
 def test_without_noise_the_reference_comes_back(gains, every):
-    """300 s of free inertial navigation: 1e-6 m and 1e-8 rad are asked for, 100 times less is left."""
+    """300 s of free inertial navigation: 1e-6 m and 1e-8 rad are asked for, rounding is left."""
     reference = nj.motions.lemniscate(300.0, setups.RATE)
     e = experiment(reference, (), every=every, output_interval=10.0)
     out = nj.filter.run_filter(
         e, white(), setups.quiet_inputs(e), nj.filter.gains_of(e, white()) if gains == "reference" else None
     )
     error = np.asarray(out.judgement.error)[:, :, 0]
-    assert np.abs(error[:, :3]).max() < 1e-8
-    assert np.abs(error[:, 6:9]).max() < 1e-10
+    assert np.abs(error[:, :3]).max() < 1e-7
+    assert np.abs(error[:, 6:9]).max() < 1e-9
     # and the truth it is judged against is the motion asked for
     np.testing.assert_allclose(e.timeline.truth.p[:, :, 0], reference.position[1000::1000], rtol=0, atol=1e-6)
 
@@ -48,8 +48,8 @@ def test_without_noise_the_reference_comes_back(gains, every):
 def test_without_noise_fixes_change_nothing():
     e = experiment(nj.motions.lemniscate(10.0, setups.RATE), setups.aiding(rate=3.0))
     out = nj.filter.run_filter(e, white(), setups.quiet_inputs(e))
-    assert np.abs(np.asarray(out.judgement.error)[:, :9]).max() < 1e-9
-    assert np.abs(np.asarray(out.innovation)).max() < 1e-9
+    assert np.abs(np.asarray(out.judgement.error)[:, :9]).max() < 1e-8
+    assert np.abs(np.asarray(out.innovation)).max() < 1e-8
 
 
 # a textbook
@@ -179,7 +179,7 @@ def test_no_attitude_is_singular(key, motion):
     e = experiment(motion(), setups.aiding(), initial=nj.InitialUncertainty(0.02, 0.01, np.deg2rad(0.3)))
     # as many runs, for one compilation
     quiet = nj.filter.run_filter(e, errors, setups.quiet_inputs(e, num_runs=16))
-    assert np.abs(np.asarray(quiet.judgement.error)[:, :9]).max() < 1e-9
+    assert np.abs(np.asarray(quiet.judgement.error)[:, :9]).max() < 1e-8
     out = nj.filter.run_filter(e, errors, nj.filter.draw_inputs(e, errors, nj.filter.run_keys(key, 0, 16)))
     assert not np.any(out.status)
     navigation = np.asarray(out.judgement.nees)[:, 4].mean(axis=0)

@@ -22,14 +22,18 @@ def integrated(imu, start, earth):
 
 @pytest.mark.parametrize("name", ["coordinated", "navigation"])
 def test_bar_lemniscate_of_300_seconds(name):
-    """The bar is 1e-6 m and 1e-8 rad; measured 2e-10 m and 3e-14 rad, all of it rounding."""
+    """The bar is 1e-6 m and 1e-8 rad. What is left is rounding, and grows with the 30,000 steps.
+
+    Of positions of 100 m and velocities of 20 m/s it is 1e-9 m or 2e-10 m by the instructions of the processor, and 50
+    times that is allowed; of angles, as many steps times the unit roundoff.
+    """
     ref = motions.lemniscate(300.0, 100.0, attitude=name)
     imu, returned = perfect_imu(ref)
     run = integrated(imu, returned, FlatEarth())
     for found in (run, returned):
-        np.testing.assert_allclose(found.position, ref.position, atol=1e-9)
-        assert angle_between(found, ref) < 1e-12
-    np.testing.assert_allclose(run.velocity, returned.velocity, atol=1e-11)
+        np.testing.assert_allclose(found.position, ref.position, atol=5e-8)
+        assert angle_between(found, ref) < 1e-11
+    np.testing.assert_allclose(run.velocity, returned.velocity, atol=1e-9)
     np.testing.assert_allclose(returned.velocity, ref.velocity, atol=3e-5)
 
 
@@ -38,9 +42,9 @@ def test_every_motion_comes_back(name):
     ref = MOTIONS[name]()
     imu, returned = perfect_imu(ref)
     run = integrated(imu, returned, FlatEarth())
-    np.testing.assert_allclose(run.position, ref.position, atol=1e-8)
-    np.testing.assert_allclose(run.position, returned.position, atol=1e-9)
-    assert angle_between(run, ref) < 1e-12
+    np.testing.assert_allclose(run.position, ref.position, atol=5e-8)
+    np.testing.assert_allclose(run.position, returned.position, atol=1e-8)
+    assert angle_between(run, ref) < 1e-11
     assert (len(imu), imu.rate, imu.duration) == (len(ref) - 1, 100.0, pytest.approx(ref.duration))
     np.testing.assert_allclose(imu.epochs, ref.time, atol=1e-12)
 
@@ -65,20 +69,20 @@ def test_mechanised_velocity_is_that_of_euler_and_maclaurin():
 
 def test_values_at_rest_and_in_a_turn():
     imu, _ = perfect_imu(motions.static(300.0, 20.0), earth=FlatEarth(9.8056))
-    np.testing.assert_allclose(imu.gyro, 0.0, atol=1e-15)
-    np.testing.assert_allclose(imu.accel, [[0.0, 0.0, -9.8056]] * 6000, atol=1e-14)
+    np.testing.assert_allclose(imu.gyro, 0.0, atol=1e-13)
+    np.testing.assert_allclose(imu.accel, [[0.0, 0.0, -9.8056]] * 6000, atol=1e-12)
     imu, _ = perfect_imu(motions.circle(60.0, radius=50.0, speed=10.0, attitude="level"))
-    np.testing.assert_allclose(imu.gyro, [[0, 0, 0.2]] * 6000, atol=1e-14)
+    np.testing.assert_allclose(imu.gyro, [[0, 0, 0.2]] * 6000, atol=1e-12)
     np.testing.assert_allclose(imu.accel, [[0, 2.0, -9.80665]] * 6000, atol=1e-8)
 
 
 def test_a_loop_through_the_vertical_and_a_wrapped_yaw():
     ref = motions.from_path(vertical_loop, 50.0, 0.6, duration=60.0, rate=100.0)
     imu, returned = perfect_imu(ref)
-    np.testing.assert_allclose(returned.position, ref.position, atol=1e-9)
-    np.testing.assert_allclose(imu.gyro, [[0, 0.6, 0]] * 6000, atol=1e-12)
+    np.testing.assert_allclose(returned.position, ref.position, atol=5e-8)
+    np.testing.assert_allclose(imu.gyro, [[0, 0.6, 0]] * 6000, atol=1e-11)
     again = Trajectory.from_euler(ref.time, ref.position, ref.euler, velocity=ref.velocity)  # pitch folds at 90 deg
-    np.testing.assert_allclose(perfect_imu(again)[0].gyro, imu.gyro, atol=1e-9)
+    np.testing.assert_allclose(perfect_imu(again)[0].gyro, imu.gyro, atol=1e-8)
 
 
 def test_resampling_to_the_rate_of_the_imu():

@@ -17,12 +17,12 @@ def covariance(n, rank=None):
 
 def test_products():
     C, X = RNG.normal(size=(3, 3, 5)), RNG.normal(size=(3, 4, 5))
-    np.testing.assert_allclose(matmul3(jnp.asarray(C), jnp.asarray(X)), np.einsum("ijr,jkr->ikr", C, X), atol=1e-14)
+    np.testing.assert_allclose(matmul3(jnp.asarray(C), jnp.asarray(X)), np.einsum("ijr,jkr->ikr", C, X), atol=1e-13)
     one = matmul3(jnp.asarray(C), jnp.asarray(X[..., :1]))
-    np.testing.assert_allclose(one, np.einsum("ijr,jk->ikr", C, X[..., 0]), atol=1e-14)
+    np.testing.assert_allclose(one, np.einsum("ijr,jk->ikr", C, X[..., 0]), atol=1e-13)
     np.testing.assert_array_equal(transpose(jnp.asarray(X)), X.swapaxes(0, 1))
     P = RNG.normal(size=(4, 4, 5))
-    np.testing.assert_allclose(symmetrise(jnp.asarray(P)), (P + P.swapaxes(0, 1)) / 2, atol=1e-15)
+    np.testing.assert_allclose(symmetrise(jnp.asarray(P)), (P + P.swapaxes(0, 1)) / 2, atol=1e-14)
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -64,7 +64,7 @@ def test_the_factor_of_a_singular_matrix_has_finite_derivatives():
 
     (_, L), slope = jax.value_and_grad(of, has_aux=True)(2.0)
     # the factor goes with the square root
-    np.testing.assert_allclose(slope, np.sum(L) / 4, rtol=1e-12)
+    np.testing.assert_allclose(slope, np.sum(L) / 4, rtol=1e-11)
     assert factor(jnp.zeros((0, 0))).shape == (0, 0)
 
 

@@ -63,10 +63,10 @@ def test_the_right_filter_claims_what_is_true(every):
     e = nj.filter.prepare(scenario, rate=setups.RATE)
     found = nj.lincov.linear_covariance(e, truth, truth)
     for true, claimed in zip(found.true, found.claimed, strict=True):
-        np.testing.assert_allclose(correlation(true, claimed), correlation(claimed), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(correlation(true, claimed), correlation(claimed), rtol=0, atol=1e-8)
     used = np.asarray(e.timeline.valid) > 0
     np.testing.assert_allclose(
-        np.asarray(found.innovation)[used], np.asarray(found.innovation_claimed)[used], rtol=1e-9
+        np.asarray(found.innovation)[used], np.asarray(found.innovation_claimed)[used], rtol=1e-8
     )
 
 
@@ -75,7 +75,7 @@ def test_what_a_filter_claims_is_its_own_covariance(experiment):
     gains = nj.filter.gains_of(experiment, FILTERS["fewer"])
     found = nj.lincov.linear_covariance(experiment, TRUTH, FILTERS["fewer"])
     theirs = np.asarray(gains.claim.navigation[..., 0])
-    np.testing.assert_allclose(correlation(found.claimed.navigation, theirs), correlation(theirs), atol=1e-10)
+    np.testing.assert_allclose(correlation(found.claimed.navigation, theirs), correlation(theirs), atol=1e-9)
 
 
 STILL = {
@@ -184,7 +184,7 @@ def test_derivatives_by_everything(experiment):
         ]
     )
     assert np.abs(differences).min() > 1e-6
-    np.testing.assert_allclose(backward, forward, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(backward, forward, rtol=1e-7, atol=1e-11)
     np.testing.assert_allclose(forward, differences, rtol=1e-5, atol=1e-8)
 
 
@@ -208,7 +208,7 @@ def test_many_filters_at_once_compile_once(experiment):
     assert count == [1]
     believed = nj.ImuErrors(gj.WN(whites[1]) + gj.GM(betas[1], 1e-5), gj.WN(3e-6), setups.RATE)
     alone = nj.lincov.linear_covariance(experiment, TRUTH, believed, motion=motion)
-    assert together[1] == pytest.approx(float(alone.true.navigation[-1, 0, 0]), rel=1e-10)
+    assert together[1] == pytest.approx(float(alone.true.navigation[-1, 0, 0]), rel=1e-9)
 
 
 def test_many_truths_and_filters_as_the_last_axis(experiment):
@@ -232,7 +232,7 @@ def test_many_truths_and_filters_as_the_last_axis(experiment):
         ):
             alone = nj.lincov.linear_covariance(experiment, *pair, motion=motion)
             for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(alone), strict=True):
-                np.testing.assert_allclose(a[i], b, rtol=1e-9, atol=1e-22)
+                np.testing.assert_allclose(a[i], b, rtol=1e-8, atol=1e-21)
 
     def total(x):
         found = nj.lincov.linear_covariance(experiment, TRUTH, jax.vmap(build)(x), motion=motion)

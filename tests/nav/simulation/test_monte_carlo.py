@@ -39,7 +39,7 @@ def seven():
     return compare(chunk_size=7, workers=1)
 
 
-def assert_same(a, b, count=None, rtol=1e-9):
+def assert_same(a, b, count=None, rtol=1e-8):
     """Equal numbers, of the first `count` runs; relative to the largest of each array."""
     for seen, expected in [
         (a.error, b.error),

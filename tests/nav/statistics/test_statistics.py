@@ -44,9 +44,9 @@ def test_mean_norm_is_the_mean_with_students_interval():
     length = np.sqrt(np.sum(error**2, axis=-1))
     seen = mean_norm(error, 0.9)
     expected = scipy.stats.ttest_1samp(length, 0.0).confidence_interval(0.9)
-    np.testing.assert_allclose(seen.value, length.mean(axis=0), rtol=1e-14)
-    np.testing.assert_allclose(seen.se, scipy.stats.sem(length), rtol=1e-13)
-    np.testing.assert_allclose((seen.low, seen.high), (expected.low, expected.high), rtol=1e-12)
+    np.testing.assert_allclose(seen.value, length.mean(axis=0), rtol=1e-13)
+    np.testing.assert_allclose(seen.se, scipy.stats.sem(length), rtol=1e-12)
+    np.testing.assert_allclose((seen.low, seen.high), (expected.low, expected.high), rtol=1e-11)
     assert (seen.level, seen.num_runs) == (0.9, 12)
 
 
@@ -73,12 +73,12 @@ def test_interval_of_the_mean_holds(num_runs, scale):
 def test_rms_per_component_and_of_the_length():
     error = RNG(4).normal(size=(20, 5, 3)) * [1.0, 2.0, 3.0]
     each, whole = rms(error, per_component=True), rms(error)
-    np.testing.assert_allclose(each.value, np.sqrt(np.mean(error**2, axis=0)), rtol=1e-14)
-    np.testing.assert_allclose(whole.value**2, np.sum(each.value**2, axis=1), rtol=1e-13)
+    np.testing.assert_allclose(each.value, np.sqrt(np.mean(error**2, axis=0)), rtol=1e-13)
+    np.testing.assert_allclose(whole.value**2, np.sum(each.value**2, axis=1), rtol=1e-12)
     for i in range(3):
         alone = rms(error[..., i : i + 1])
         for name in ("value", "low", "high", "se"):
-            np.testing.assert_allclose(getattr(each, name)[:, i], getattr(alone, name), rtol=1e-13)
+            np.testing.assert_allclose(getattr(each, name)[:, i], getattr(alone, name), rtol=1e-12)
 
 
 def test_rms_of_light_tails_has_the_interval_of_gauss():
@@ -86,9 +86,9 @@ def test_rms_of_light_tails_has_the_interval_of_gauss():
     error = np.where(RNG(5).random(size=(30, 1, 1)) < 0.5, -1.0, 1.0)
     seen = rms(error)
     assert seen.value == 1
-    assert seen.low == pytest.approx(np.sqrt(30 / scipy.stats.chi2.ppf(0.975, 30)), rel=1e-12)
-    assert seen.high == pytest.approx(np.sqrt(30 / scipy.stats.chi2.ppf(0.025, 30)), rel=1e-12)
-    assert seen.se == pytest.approx(1 / np.sqrt(60), rel=1e-12)
+    assert seen.low == pytest.approx(np.sqrt(30 / scipy.stats.chi2.ppf(0.975, 30)), rel=1e-11)
+    assert seen.high == pytest.approx(np.sqrt(30 / scipy.stats.chi2.ppf(0.025, 30)), rel=1e-11)
+    assert seen.se == pytest.approx(1 / np.sqrt(60), rel=1e-11)
 
 
 @pytest.mark.parametrize("num_runs", [5, 10, 50])
@@ -120,7 +120,7 @@ def test_standard_errors_are_those_of_replicates():
 
 def test_band_of_the_mean_nees():
     seen = mean_nees(RNG(10).chisquare(6, size=(50, 10)), 6)
-    np.testing.assert_allclose((seen.low, seen.high), scipy.stats.chi2.ppf([0.025, 0.975], 300) / 50, rtol=1e-12)
+    np.testing.assert_allclose((seen.low, seen.high), scipy.stats.chi2.ppf([0.025, 0.975], 300) / 50, rtol=1e-11)
     # as stated for the R package
     assert (round(seen.low, 3), round(seen.high, 3)) == (5.078, 6.997)
     np.testing.assert_array_equal(seen.inside, (seen.low <= seen.value) & (seen.value <= seen.high))
@@ -150,10 +150,10 @@ def test_verdicts():
     assert mean_nees(1.2 * nees, 6).verdict == "optimistic"
     assert mean_nees(0.8 * nees, 6).verdict == "conservative"
     seen = mean_nees(nees, 6)
-    assert seen.average == pytest.approx(nees.mean(), rel=1e-14)
+    assert seen.average == pytest.approx(nees.mean(), rel=1e-13)
     logs = np.log([seen.average_low, seen.average, seen.average_high])
     half = scipy.stats.t.ppf(0.975, 49) * scipy.stats.sem(nees.mean(axis=1)) / nees.mean()
-    np.testing.assert_allclose(np.diff(logs), half, rtol=1e-12)
+    np.testing.assert_allclose(np.diff(logs), half, rtol=1e-11)
     # two runs and a high level know nothing, and say so without a warning
     assert mean_nees(nees[:2], 6, 1 - 1e-6).average_high == np.inf
     assert mean_nees(np.zeros((3, 2)), 6).verdict == "conservative"
@@ -175,7 +175,7 @@ def test_coverage_counts_runs():
     nees = RNG(14).chisquare(4, size=(40, 6))
     seen = coverage(nees, 4, 0.7, 0.9)
     covered = np.sum(nees <= scipy.stats.chi2.ppf(0.7, 4), axis=0)
-    np.testing.assert_allclose(seen.value, covered / 40, rtol=1e-14)
+    np.testing.assert_allclose(seen.value, covered / 40, rtol=1e-13)
     for low, high, k in zip(seen.interval_low, seen.interval_high, covered, strict=True):
         expected = scipy.stats.binomtest(int(k), 40).proportion_ci(0.9, method="exact")
         assert (low, high) == pytest.approx((expected.low, expected.high), rel=1e-10)
@@ -223,10 +223,10 @@ def test_paired_is_the_paired_t_test():
     b = a + 0.3 + 0.5 * rng.normal(size=30)
     seen, expected = paired(a, b, 0.9), scipy.stats.ttest_rel(a, b)
     interval = expected.confidence_interval(0.9)
-    assert seen.difference == pytest.approx(np.mean(a - b), rel=1e-13)
-    assert seen.se == pytest.approx(scipy.stats.sem(a - b), rel=1e-13)
+    assert seen.difference == pytest.approx(np.mean(a - b), rel=1e-12)
+    assert seen.se == pytest.approx(scipy.stats.sem(a - b), rel=1e-12)
     assert seen.p == pytest.approx(expected.pvalue, rel=1e-10)
-    assert (seen.low, seen.high) == pytest.approx((interval.low, interval.high), rel=1e-12)
+    assert (seen.low, seen.high) == pytest.approx((interval.low, interval.high), rel=1e-11)
     assert (seen.num_runs, seen.level) == (30, 0.9)
     assert paired(b, a).difference == -seen.difference
 
@@ -275,7 +275,7 @@ def test_sample_size_is_enough():
 
 def test_sample_size_far_out():
     """Where the noncentral t of SciPy has no value; the next larger of both formulas is the same at their border."""
-    assert t_test_power(np.inf, 2, 0.05) == pytest.approx(1.0, rel=1e-12)
+    assert t_test_power(np.inf, 2, 0.05) == pytest.approx(1.0, rel=1e-11)
     assert t_test_power(50.0, 2, 0.05) == pytest.approx(1.0, abs=1e-6)
     assert num_runs_needed(1.0, 0.0, 0.05, 0.8) == 2
     assert num_runs_needed(1.0, 1.0, 0.05, 0.01) == 2

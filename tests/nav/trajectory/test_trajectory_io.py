@@ -22,9 +22,9 @@ STATED = {"position": "ned", "angles": "rad"}
 
 def assert_same(found, *, velocity=1e-3):
     np.testing.assert_allclose(found.time, REF.time, atol=1e-9)
-    np.testing.assert_allclose(found.position, REF.position, atol=1e-12)
+    np.testing.assert_allclose(found.position, REF.position, atol=1e-11)
     np.testing.assert_allclose(found.velocity, REF.velocity, atol=velocity)
-    assert angle_between(found, REF) < 1e-14
+    assert angle_between(found, REF) < 1e-13
 
 
 def columns(table=TABLE, names=NAMES):
