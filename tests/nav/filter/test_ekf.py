@@ -43,7 +43,7 @@ def sequential(P, H, r, z, valid):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_scalar_after_scalar_is_the_joint_update(seed):
-    """Correction and covariance to 1e-12 of standard deviations; squared innovations sum to the joint NIS."""
+    """Correction and covariance to 1e-11 of standard deviations; squared innovations sum to the joint NIS."""
     rng = RNG(seed)
     P = covariance(rng, 15)
     H, r, z = measurements(rng, 7)

@@ -155,7 +155,7 @@ def test_where_the_filter_is_right_its_parameters_do_not_matter():
 
 
 def test_parts_add_up_to_the_whole(budget):
-    """Every component at every epoch, 1e-9."""
+    """Every component at every epoch, 1e-8."""
     whole = nj.analyse(SCENARIO, TRUTH, FEWER)["filter"].true
     np.testing.assert_allclose(budget.part.sum(axis=0), np.diagonal(whole, axis1=1, axis2=2)[:, :9], rtol=1e-8)
     np.testing.assert_allclose(budget.share("tilt").sum(axis=0), 1.0, rtol=1e-12)

@@ -55,7 +55,7 @@ def analysis():
 
 @pytest.mark.parametrize("every", [1, 10])
 def test_the_right_filter_claims_what_is_true(every):
-    """States of several kinds, a turn-on bias and drifts: relative to the standard deviations 1e-9."""
+    """States of several kinds, a turn-on bias and drifts: relative to the standard deviations 1e-8."""
     truth = nj.ImuErrors(
         gj.WN(6e-5) + gj.MAT32(0.01, 1e-5), gj.WN(1.5e-6) + gj.RW(1e-13) + gj.DR(1e-9), setups.RATE, accel_bias_sd=0.01
     )
