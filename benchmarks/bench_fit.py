@@ -193,7 +193,7 @@ def quality(report: Report) -> None:
                 worst_best = max(worst_best, (f.objective / known, f"{name} {model}"))
             row = [name, model, f"{f.objective:.8g}", f"{r_objective:.8g}", f"{ratio:.6f}"]
             row += [f"{f.objective / known - 1:+.1e}" if known else "", f.status.name, f"{f.agreement:.2f}"]
-            rows.append([*row, "; ".join(f"{k}: {v.removeprefix('at boundary: ')}" for k, v in f.at_boundary.items())])
+            rows.append([*row, "; ".join(f"{k}: {v.name.lower().replace('_', ' ')}" for k, v in f.at_boundary.items())])
         ours_bad, pairs = violations(ours)
         r_bad, _ = violations({m: r for m, (r, _) in models.items()})
         counts.append([name, pairs, ours_bad, r_bad])

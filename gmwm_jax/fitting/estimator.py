@@ -276,7 +276,7 @@ def objective(
     omega, fitted = as_weights(weights).omega(wv), as_model(model).wavelet_variance(wv.scales)
     seen = concrete(fitted)
     residual = wv.variance - (fitted if seen is None else seen)
-    value = residual @ omega @ residual
+    value: Any = residual @ omega @ residual
     return value if seen is None else float(value)
 
 

@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting._start import lattice
+from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.search import NUM_DESCENTS, NUM_ROUNDS, Layout, Solution
-from gmwm_jax.fitting.tables import AT, ZERO
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Fixed
 
@@ -103,28 +103,28 @@ class Problem(NamedTuple):
 
     # -- the way back ---------------------------------------------------------------------------------------------
 
-    def assemble(self, solution: Solution) -> tuple[Composite, dict[str, str]]:
+    def assemble(self, solution: Solution) -> tuple[Composite, dict[str, Outcome]]:
         """The model with its estimates in the user's order, and which components are at a boundary."""
         layout, fitted = self.layout, []
         for i, p in enumerate(self.processes):
-            shape, note = p.shape, ""
+            shape, note = p.shape, Outcome.ESTIMATED
             if layout.free_shape[i]:
                 own = jnp.asarray(solution.coordinates[layout.position(i)])
                 shape = tuple(float(s) for s in p.shape_from_coordinate(own))
                 limit = p.limit_of(shape, self.tau_max)
                 # where both parameters run off together, one that is held keeps the other
-                if limit and (layout.free_amplitude[i] or p.parameters[-1].determined_at == limit):
-                    note = f"{AT}{limit}"
+                if limit and (layout.free_amplitude[i] or p.parameters[-1].determined_at is limit):
+                    note = Outcome.at(limit)
             amplitude = float(solution.amplitudes[i])
             if amplitude == 0:
-                note = ZERO
+                note = Outcome.ZERO
             values = (*shape, p.value_of(jnp.asarray(amplitude)))
             named = {q.name: v for q, v in zip(p.parameters, values, strict=True)}
             build: Any = type(p)
             fitted.append((build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()}), note))
 
         times = [float(p.correlation_time(p.shape)) if p.shape else 0.0 for p, _ in fitted]
-        placed = [fitted[i] for i in self._slots(times, [note == ZERO for _, note in fitted])]
+        placed = [fitted[i] for i in self._slots(times, [note is Outcome.ZERO for _, note in fitted])]
         model = Composite([p for p, _ in placed])
         return model, {label: note for label, (_, note) in zip(model.labels, placed, strict=True) if note}
 

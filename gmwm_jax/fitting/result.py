@@ -14,8 +14,9 @@ from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.standard_errors import delta_method, estimator_derivatives, parameter_covariance
-from gmwm_jax.fitting.tables import AT, ZERO, EstimateTable, LogQuantities, continuous_table, parameter_table
+from gmwm_jax.fitting.tables import EstimateTable, LogQuantities, continuous_table, parameter_table
 from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.random_walk import RW
@@ -68,7 +69,7 @@ class Fit(Drawable):
     omega: Float[np.ndarray, "J J"]
     weights: AbstractWeights
     status: Status
-    at_boundary: Mapping[str, str] = field(default_factory=dict)
+    at_boundary: Mapping[str, Outcome] = field(default_factory=dict)
     agreement: float = 1.0
     rate: float | None = None
     level: float = 0.95
@@ -113,13 +114,13 @@ class Fit(Drawable):
         kept: list[AbstractProcess] = []
         limits: dict[type[AbstractProcess], float] = {}
         for label, p in zip(self.model.labels, self.model.processes, strict=True):
-            note = self.at_boundary.get(label, "")
-            form = p.state_space() if note in (f"{AT}random walk", f"{AT}white noise") else None
-            if form is not None and note == f"{AT}random walk":
+            outcome = self.at_boundary.get(label)
+            form = p.state_space() if outcome in (Outcome.RANDOM_WALK, Outcome.WHITE_NOISE) else None
+            if form is not None and outcome is Outcome.RANDOM_WALK:
                 limits[RW] = limits.get(RW, 0.0) + float(form.driving[0, 0])
             elif form is not None:
                 limits[WN] = limits.get(WN, 0.0) + float(form.readout @ form.initial @ form.readout)
-            elif note != ZERO:
+            elif outcome is not Outcome.ZERO:
                 kept.append(p)
         for cls, amplitude in limits.items():
             amplitude += sum(float(p.amplitude) for p in kept if isinstance(p, cls))
@@ -134,9 +135,9 @@ class Fit(Drawable):
         """Positions of the parameters that were estimated and lie inside their range."""
         positions, at = [], 0
         for label, p in zip(self.model.labels, self.model.processes, strict=True):
-            note = self.at_boundary.get(label, "")
+            outcome = self.at_boundary.get(label)
             for q in p.parameters:
-                inside = not note or (note != ZERO and q is p.parameters[-1])
+                inside = not outcome or (outcome is not Outcome.ZERO and q is p.parameters[-1])
                 if inside and q.name not in p.fixed:
                     positions.append(at)
                 at += 1
@@ -327,7 +328,7 @@ class Fits(Mapping[str, Fit], Drawable):
         head = ["channel", "unit", "objective", "status", *symbols]
         rows = [
             [f.wv.channels[0], f.unit, number(f.objective, 7), f.status.name]
-            + [number(e.value) + ("*" if e.note.startswith("at boundary") else "") for e in f.parameters()]
+            + [number(e.value) + ("*" if e.at_boundary else "") for e in f.parameters()]
             for f in self.fits
         ]
         foot = "\n* at its boundary" if any(f.at_boundary for f in self.fits) else ""

@@ -12,15 +12,13 @@ from jaxtyping import Float
 from gmwm_jax import units as units_
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.standard_errors import evaluate
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.continuous_form import Quantity
+from gmwm_jax.processes.parameter import Limit
 from gmwm_jax.processes.registry import as_model
 
-AT = "at boundary: "
-ZERO = AT + "zero"
-UNSEEN = "not identified"
-CONFUSED = "not told apart from others"
 _WIDEST = 30.0
 """Half width, on the log scale, of the widest interval that is worth printing: a factor of 1e13 either way."""
 
@@ -35,8 +33,14 @@ class Estimate:
     unit: str
     ci_low: float = np.nan
     ci_high: float = np.nan
-    note: str = ""
+    note: Outcome | str = Outcome.ESTIMATED
+    """What became of it, or a remark on how it was read."""
     meaning: str = ""
+
+    @property
+    def at_boundary(self) -> bool:
+        """Is it zero or at a limit of its component?"""
+        return isinstance(self.note, Outcome) and self.note.at_boundary
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,7 +93,7 @@ def parameter_table(
     z: float,
     level: float,
     errors: Float[np.ndarray, " P"],
-    boundary: Mapping[str, str],
+    boundary: Mapping[str, Outcome],
 ) -> EstimateTable:
     """Parameters per sample, with intervals symmetric on the log (for phi: logit) scale.
 
@@ -102,20 +106,20 @@ def parameter_table(
     errors
         Standard errors on the real line, NaN for what was not estimated.
     boundary
-        Label -> note, for components at a boundary: what data do not determine there is NaN.
+        Label -> what became of it, for components at a boundary: what data do not determine there is NaN.
     """
     spread = z * errors
     estimates, at = [], 0
     for label, p in zip(model.labels, model.processes, strict=True):
         for i, (q, value) in enumerate(zip(p.parameters, p.values, strict=True)):
-            note = _note(boundary.get(label, ""), p, (i,), q.determined_at)
+            note = _outcome(boundary.get(label, Outcome.ESTIMATED), p, (i,), q.determined_at)
             low = high = np.nan
             if _is_confused(spread, at, note):
-                note = CONFUSED
-            elif spread[at] > 0 and note != UNSEEN:
+                note = Outcome.NOT_TOLD_APART
+            elif spread[at] > 0 and note is not Outcome.NOT_IDENTIFIED:
                 x = q.to_line(value)
                 low, high = float(q.from_line(x - spread[at])), float(q.from_line(x + spread[at]))
-            shown = np.nan if note == UNSEEN else float(value)
+            shown = np.nan if note is Outcome.NOT_IDENTIFIED else float(value)
             estimates.append(Estimate(label, q.name, shown, q.unit.format(u=unit), low, high, note, q.meaning))
             at += 1
     return EstimateTable("Parameters per sample", tuple(estimates), level)
@@ -130,7 +134,7 @@ def continuous_table(
     z: float = np.nan,
     level: float = 0.95,
     errors: Callable[["LogQuantities"], np.ndarray] | None = None,
-    boundary: Mapping[str, str] | None = None,
+    boundary: Mapping[str, Outcome] | None = None,
 ) -> EstimateTable:
     """Continuous-time quantities of a model, in SI or in the units of datasheets.
 
@@ -177,13 +181,13 @@ def continuous_table(
             of_datasheet = i >= len(form.filter)
             if of_datasheet != datasheet and not q.in_both:
                 continue
-            note = _note((boundary or {}).get(label, ""), p, q.reads, q.determined_at)
+            note = _outcome((boundary or {}).get(label, Outcome.ESTIMATED), p, q.reads, q.determined_at)
             if _is_confused(spread, at, note):
-                note = CONFUSED
+                note = Outcome.NOT_TOLD_APART
             value, factor = float(values[at]), np.exp(spread[at]) if 0 < spread[at] < _WIDEST else np.nan
             if np.isnan(value):
                 note = form.undefined
-            if note == UNSEEN:
+            if note is Outcome.NOT_IDENTIFIED:
                 value = np.nan
             si = q.si_unit(unit)
             shown = q.datasheet_units(unit)[0] if datasheet else si
@@ -215,16 +219,17 @@ class LogQuantities:
         return jnp.log(jnp.array([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
 
 
-def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: str) -> bool:
+def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: Outcome) -> bool:
     """Was it estimated, and has it no error while others have one?"""
-    return note == "" and bool(np.any(spread > 0)) and not bool(spread[at] < _WIDEST)
+    return note is Outcome.ESTIMATED and bool(np.any(spread > 0)) and not bool(spread[at] < _WIDEST)
 
 
-def _note(boundary: str, process: AbstractProcess, reads: tuple[int, ...], determined_at: str) -> str:
-    """What to say of a quantity that depends on the parameters at the positions `reads`."""
+def _outcome(boundary: Outcome, process: AbstractProcess, reads: tuple[int, ...], determined_at: Limit) -> Outcome:
+    """What became of a quantity that depends on the parameters at the positions `reads`."""
     if all(process.parameters[i].name in process.fixed for i in reads):
-        return "fixed"
-    if boundary == ZERO:
-        return ZERO if len(process.parameters) - 1 in reads else UNSEEN
+        return Outcome.FIXED
+    if boundary is Outcome.ZERO:
+        return Outcome.ZERO if len(process.parameters) - 1 in reads else Outcome.NOT_IDENTIFIED
     # Towards a limit the parameters run off together, and data know only what survives there.
-    return boundary if boundary in ("", AT + determined_at) else UNSEEN
+    known = boundary is Outcome.ESTIMATED or boundary is Outcome.at(determined_at)
+    return boundary if known else Outcome.NOT_IDENTIFIED

@@ -12,9 +12,9 @@ from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, type
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit_by_steps, fit_channels
+from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.result import Fit, Fits, Status
 from gmwm_jax.fitting.standard_errors import parameter_covariance
-from gmwm_jax.fitting.tables import ZERO
 from gmwm_jax.fitting.weights import AbstractWeights, Covariance, WeightsLike, as_weights
 from gmwm_jax.multisignal._pool import Pool, as_records, pool, pooled, record_names
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -188,8 +188,10 @@ def _unfitted(joint: JointFit) -> Composite:
     """The model with no values but those that are held, and those at which a component is at its boundary."""
     processes = []
     for label, p in zip(joint.model.labels, joint.model.processes, strict=True):
-        note = joint.at_boundary.get(label, "")
-        held = set(p.fixed) | {q.name for q in (p.parameters if note == ZERO else p.parameters[:-1] if note else ())}
+        outcome = joint.at_boundary.get(label)
+        held = set(p.fixed) | {
+            q.name for q in (p.parameters if outcome is Outcome.ZERO else p.parameters[:-1] if outcome else ())
+        }
         values = zip(p.parameters, p.values, strict=True)
         build: Any = type(p)
         processes.append(build(**{q.name: Fixed(v) if q.name in held else None for q, v in values}))

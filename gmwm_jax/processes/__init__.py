@@ -22,6 +22,7 @@ from gmwm_jax.processes.gauss_markov import GM as GM
 from gmwm_jax.processes.matern import MAT32 as MAT32
 from gmwm_jax.processes.matern import MAT52 as MAT52
 from gmwm_jax.processes.parameter import Fixed as Fixed
+from gmwm_jax.processes.parameter import Limit as Limit
 from gmwm_jax.processes.quantisation import QN as QN
 from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model

@@ -25,7 +25,7 @@ from gmwm_jax.processes._maths.arma_covariance import haar_covariance
 from gmwm_jax.processes.base import AbstractProcess, scaled
 from gmwm_jax.processes.continuous_form import ContinuousForm
 from gmwm_jax.processes.gauss_markov import AR1, GM
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 MAX_ORDER = 10
@@ -229,7 +229,7 @@ class AbstractArma(AbstractProcess):
         phi, theta = (np.array(part, dtype=float) for part in cls._parts(shape))
         root, root_of_ma = _roots(phi)[0], _roots(-theta)[0]
         near = max(abs(root), abs(root_of_ma)) > 1 - _UNIT_ROOT and abs(root - 1) > _UNIT_ROOT
-        return "unit root" if near or abs(root - 1) * tau_max < _UNIT_ROOT_TAU else ""
+        return Limit.UNIT_ROOT if near or abs(root - 1) * tau_max < _UNIT_ROOT_TAU else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):
@@ -355,11 +355,13 @@ def ARMA(p: int, q: int) -> type[AbstractProcess]:
     parts = (("phi", p, "coefficient"), ("theta", q, "coefficient of the moving average"))
     shape = tuple(
         # a root outside the unit circle bounds each coefficient by a binomial one
-        Parameter(f"{symbol}{i}", "1", meaning, -float(math.comb(order, i)), float(math.comb(order, i)), "unit root")
+        Parameter(
+            f"{symbol}{i}", "1", meaning, -float(math.comb(order, i)), float(math.comb(order, i)), Limit.UNIT_ROOT
+        )
         for symbol, order, meaning in parts
         for i in range(1, order + 1)
     )
-    sigma2 = Parameter("sigma2", "({u})^2", "variance of the innovations", determined_at="unit root")
+    sigma2 = Parameter("sigma2", "({u})^2", "variance of the innovations", determined_at=Limit.UNIT_ROOT)
     members = {
         "__doc__": f"{name} process, see `gmwm_jax.ARMA`.",
         "__module__": __name__,
@@ -401,16 +403,16 @@ def _continuous(cls: type[AbstractArma]) -> ContinuousForm:
                 suffix="^2/Hz",
                 value=density_of,
                 reads=reads,
-                determined_at="",
+                determined_at=Limit.NONE,
             ),
         ),
         datasheet=(
-            sigma._replace(value=sigma_of, reads=reads, determined_at=""),
+            sigma._replace(value=sigma_of, reads=reads, determined_at=Limit.NONE),
             white._replace(
                 meaning="density as white noise, at long times",
                 value=lambda *v: jnp.sqrt(density_of(*v)),
                 reads=reads,
-                determined_at="",
+                determined_at=Limit.NONE,
             ),
         ),
         inverse=None,

@@ -34,7 +34,7 @@ from gmwm_jax.processes._maths.haar import Points, nine_terms
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
 from gmwm_jax.processes.flicker import BI
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 # Lower than the first corner, seen from the longest span, it is a drift, and higher than the second flicker noise, to
@@ -56,7 +56,7 @@ _EMBEDDING = 4
 
 _CORNER = Quantity("f0", "corner frequency", None, lambda f0, B, f: f0 * f, unit="1/s", gyro=("Hz",), accel=("Hz",))
 _COEFFICIENT = Quantity(
-    "B", "bias instability", "", lambda f0, B, f: 1.0 * B, reads=(1,), determined_at="flicker noise"
+    "B", "bias instability", "", lambda f0, B, f: 1.0 * B, reads=(1,), determined_at=Limit.FLICKER_NOISE
 )
 
 
@@ -88,7 +88,7 @@ class FLK(AbstractProcess):
     kind: ClassVar[str] = "FLK"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("f0", "1/sample", "corner frequency"),
-        Parameter("B", "{u}", "bias instability", determined_at="flicker noise"),
+        Parameter("B", "{u}", "bias instability", determined_at=Limit.FLICKER_NOISE),
     )
     continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
         filter=(_CORNER, _COEFFICIENT),
@@ -148,8 +148,8 @@ class FLK(AbstractProcess):
     @classmethod
     def limit_of(cls, shape, tau_max):  # noqa: D102
         if shape[0] > _FLICKER_CORNER:
-            return "flicker noise"
-        return "drift" if shape[0] * tau_max < _DRIFT_CORNER_TAU else ""
+            return Limit.FLICKER_NOISE
+        return Limit.DRIFT if shape[0] * tau_max < _DRIFT_CORNER_TAU else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102

@@ -23,7 +23,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.checks import as_float, concrete, spans
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes.continuous_form import ContinuousForm
-from gmwm_jax.processes.parameter import Fixed, Parameter
+from gmwm_jax.processes.parameter import Fixed, Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 
@@ -213,9 +213,9 @@ class AbstractProcess(eqx.Module):
         raise NotImplementedError(f"{cls.kind} has no shape parameter.")
 
     @classmethod
-    def limit_of(cls, shape: tuple[Any, ...], tau_max: float) -> str:
-        """Name the process that this shape cannot be told from on spans up to tau_max; "" if it is itself."""
-        return ""
+    def limit_of(cls, shape: tuple[Any, ...], tau_max: float) -> Limit:
+        """Name the process that this shape cannot be told from on spans up to tau_max; `Limit.NONE` if it is itself."""
+        return Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max: float, num: int) -> tuple[Any, ...]:

@@ -6,6 +6,8 @@ Symbols as in IEEE Std 952-1997, annex C. A quantity is computed from the per-sa
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from gmwm_jax.processes.parameter import Limit
+
 
 def derived_unit(signal: str, suffix: str) -> str:
     """The unit of a noise quantity: the signal's unit times ``suffix`` (for example ``/sqrt(Hz)`` or ``*s``)."""
@@ -32,7 +34,7 @@ class Quantity(NamedTuple):
     accel: tuple[str, ...] = ()
     reads: tuple[int, ...] = (0,)
     """Positions of the parameters that it depends on."""
-    determined_at: str = ""
+    determined_at: Limit = Limit.NONE
     """The limit of the process (see `AbstractProcess.limit_of`) at which data still determine it."""
     in_both: bool = False
     """Does it stand in the table of the filter as well as in that of the datasheet?"""

@@ -14,7 +14,7 @@ from gmwm_jax.processes._maths import power_law as _power_law
 from gmwm_jax.processes._maths.circulant import draw_stationary
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 _END = math.log(1e9)
@@ -63,7 +63,7 @@ class FGN(AbstractProcess):
     kind: ClassVar[str] = "FGN"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("H", "1", "Hurst exponent", upper=1.0),
-        Parameter("sigma2", "({u})^2", "variance", determined_at="quantisation noise"),
+        Parameter("sigma2", "({u})^2", "variance", determined_at=Limit.QUANTISATION_NOISE),
     )
     continuous: ClassVar[ContinuousForm | None] = ContinuousForm(
         filter=(_HURST, Quantity("S_1", "PSD at 1 Hz", "^2/Hz", _density_at_1_hz, reads=(0, 1))),
@@ -116,8 +116,8 @@ class FGN(AbstractProcess):
         # the exponent times the logarithm of the spans: where the variance differs by less than 1 %
         span = 2 * math.log(tau_max / 2)
         if (1 - shape[0]) * span < 0.01:
-            return "flicker noise"
-        return "quantisation noise" if shape[0] * span < 0.01 else ""
+            return Limit.FLICKER_NOISE
+        return Limit.QUANTISATION_NOISE if shape[0] * span < 0.01 else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102

@@ -37,7 +37,7 @@ from gmwm_jax.processes._maths.recursion import first_order_recursion
 from gmwm_jax.processes._series import exp_cubic, exp_ratio, haar_exp, sinh_excess
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace, scalar_state
 
 # Beyond these the process is a random walk (beta tau -> 0) or white noise (phi -> 0) to all digits a fit can see.
@@ -84,23 +84,23 @@ _CONTINUOUS = ContinuousForm(
     filter=(
         Quantity("beta", "inverse correlation time", None, lambda beta, variance, f: beta * f, unit="1/s"),
         Quantity("q", "PSD of the driving noise", "^2/s", lambda beta, variance, f: 2 * beta * f * variance,
-                 reads=(0, 1), determined_at="random walk"),
+                 reads=(0, 1), determined_at=Limit.RANDOM_WALK),
     ),
     datasheet=(
         Quantity("sigma", "standard deviation", "", lambda beta, variance, f: jnp.sqrt(variance),
-                 gyro=("deg/h", "deg/s"), accel=("ug", "mg"), reads=(1,), determined_at="white noise"),
+                 gyro=("deg/h", "deg/s"), accel=("ug", "mg"), reads=(1,), determined_at=Limit.WHITE_NOISE),
         Quantity("tau_c", "correlation time", None, lambda beta, variance, f: 1 / (beta * f), unit="s",
                  gyro=("s", "h"), accel=("s", "h"), in_both=True),
         Quantity("sqrt(q)", "driving noise density", "/sqrt(s)",
                  lambda beta, variance, f: jnp.sqrt(2 * beta * f * variance),
                  gyro=("deg/h/sqrt(h)", "deg/s/sqrt(h)"), accel=("m/s/h/sqrt(h)", "ug/sqrt(s)"), reads=(0, 1),
-                 determined_at="random walk"),
+                 determined_at=Limit.RANDOM_WALK),
         # Below its corner the PSD is flat: over times much longer than tau_c the process is white noise. The PSD of
         # the *sampled* process at 0 is variance (1+phi)/(1-phi)/f; in continuous time, or for a slow process, q/beta^2.
         Quantity("N_0", "density as white noise, far beyond tau_c", "/sqrt(Hz)",
                  lambda beta, variance, f: jnp.sqrt(variance / (jnp.tanh(beta / 2) * f)),
                  gyro=("deg/sqrt(h)", "deg/s/sqrt(Hz)"), accel=("ug/sqrt(Hz)", "m/s/sqrt(h)"), reads=(0, 1),
-                 determined_at="white noise"),
+                 determined_at=Limit.WHITE_NOISE),
     ),
     inverse=lambda beta, q, f: (beta / f, q / (2 * beta)),
 )  # fmt: skip
@@ -139,7 +139,7 @@ class GM(AbstractProcess):
     kind: ClassVar[str] = "GM"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("beta", "1/sample", "inverse correlation time"),
-        Parameter("variance", "({u})^2", "variance of the process", determined_at="white noise"),
+        Parameter("variance", "({u})^2", "variance of the process", determined_at=Limit.WHITE_NOISE),
     )
     repeatable: ClassVar[bool] = True
     continuous: ClassVar[ContinuousForm | None] = _CONTINUOUS
@@ -180,8 +180,8 @@ class GM(AbstractProcess):
     @classmethod
     def limit_of(cls, shape, tau_max):  # noqa: D102
         if shape[0] > _WHITE_NOISE_BETA:
-            return "white noise"
-        return "random walk" if shape[0] * tau_max < _RANDOM_WALK_BETA_TAU else ""
+            return Limit.WHITE_NOISE
+        return Limit.RANDOM_WALK if shape[0] * tau_max < _RANDOM_WALK_BETA_TAU else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102
@@ -225,7 +225,7 @@ class AR1(AbstractProcess):
     kind: ClassVar[str] = "AR1"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("phi", "1", "coefficient", lower=-1.0, upper=1.0),
-        Parameter("sigma2", "({u})^2", "variance of the innovations", determined_at="random walk"),
+        Parameter("sigma2", "({u})^2", "variance of the innovations", determined_at=Limit.RANDOM_WALK),
     )
     repeatable: ClassVar[bool] = True
     other_form: ClassVar[type[AbstractProcess] | None] = GM
@@ -308,7 +308,7 @@ class AR1(AbstractProcess):
 
     @classmethod
     def limit_of(cls, shape, tau_max):  # noqa: D102
-        return "random walk" if (1 - shape[0]) * tau_max < _RANDOM_WALK_BETA_TAU else ""
+        return Limit.RANDOM_WALK if (1 - shape[0]) * tau_max < _RANDOM_WALK_BETA_TAU else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102

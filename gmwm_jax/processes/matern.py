@@ -50,7 +50,7 @@ from gmwm_jax.processes._series import (
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import ContinuousForm
 from gmwm_jax.processes.gauss_markov import GM
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 # Nearer to white noise than this, a fit reports it: the wavelet variance differs by less than 1 %.
@@ -237,8 +237,8 @@ class _Matern(AbstractProcess):
     @classmethod
     def limit_of(cls, shape, tau_max):
         if shape[0] > _WHITE_NOISE_BETA:
-            return "white noise"
-        return "drift" if shape[0] * tau_max < _DRIFT_BETA_TAU else ""
+            return Limit.WHITE_NOISE
+        return Limit.DRIFT if shape[0] * tau_max < _DRIFT_BETA_TAU else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):
@@ -294,7 +294,7 @@ def _continuous(power: int, factor: float, dimension: str, white: Callable[..., 
             q._replace(
                 suffix=f"^2/{dimension}",
                 value=lambda beta, variance, f: factor * (beta * f) ** power * variance,
-                determined_at="drift",
+                determined_at=Limit.DRIFT,
             ),
         ),
         datasheet=(

@@ -1,5 +1,6 @@
 """Parameters of processes: their intervals, the map to the real line, and the mark for a held value."""
 
+import enum
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -7,6 +8,19 @@ import jax.numpy as jnp
 
 from gmwm_jax._internal.checks import as_float, concrete
 from gmwm_jax._internal.typing import Scalar
+
+
+class Limit(enum.StrEnum):
+    """The process that another cannot be told from when its shape leaves the range that a record can show."""
+
+    NONE = ""
+    """It is itself; false in a condition."""
+    WHITE_NOISE = "white noise"
+    RANDOM_WALK = "random walk"
+    DRIFT = "drift"
+    FLICKER_NOISE = "flicker noise"
+    QUANTISATION_NOISE = "quantisation noise"
+    UNIT_ROOT = "unit root"
 
 
 class Parameter(NamedTuple):
@@ -19,7 +33,7 @@ class Parameter(NamedTuple):
     lower: float = 0.0
     upper: float = float("inf")
     """Its values lie strictly between; an amplitude may also be exactly 0."""
-    determined_at: str = ""
+    determined_at: Limit = Limit.NONE
     """The limit of the process (see `AbstractProcess.limit_of`) at which data still determine it."""
 
     def check(self, value: Any, owner: str, *, zero_ok: bool) -> Any:

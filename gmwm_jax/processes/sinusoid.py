@@ -12,7 +12,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 # Slower than the first, it is a drift to all digits a fit can see; slower than the second, a drift within 1 %.
@@ -102,7 +102,7 @@ class SIN(AbstractProcess):
 
     @classmethod
     def limit_of(cls, shape, tau_max):  # noqa: D102
-        return "drift" if shape[0] * tau_max < _DRIFT_BETA_TAU else ""
+        return Limit.DRIFT if shape[0] * tau_max < _DRIFT_BETA_TAU else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max, num):  # noqa: D102

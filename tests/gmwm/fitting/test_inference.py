@@ -72,7 +72,7 @@ def test_boundary_components_have_no_interval_and_disturb_none():
 def test_a_lost_gauss_markov_process_has_no_correlation_time():
     wv = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(0))), rate=1.0)
     fit = gj.fit(wv, "WN + 2*GM")
-    lost = [label for label, note in fit.at_boundary.items() if note == "at boundary: zero"]
+    lost = [label for label, note in fit.at_boundary.items() if note is gj.fitting.Outcome.ZERO]
     assert lost, "the key was chosen so that the second process comes out as zero"
     assert np.isnan(fit.parameters()[lost[0], "beta"].value)
     assert fit.parameters()[lost[0], "beta"].note == "not identified"
