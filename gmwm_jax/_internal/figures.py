@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.figure_data import Band, Bars, Curve, Frame, Histogram, Item, Mark, Points, Span
 from gmwm_jax._internal.typing import Real
 
 GivenAxes = Axes | Sequence[Axes] | np.ndarray
@@ -125,6 +126,36 @@ def entries_of(*drawn: Axes) -> dict[str, Any]:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     return entries
+
+
+def put(ax: Axes, item: Item, **style: Any) -> Any:
+    """Draw one item of a frame."""
+    style["label"] = item.label or None
+    match item:
+        case Curve() | Points():
+            return ax.plot(item.x, item.y, **style)
+        case Band():
+            return ax.fill_between(item.x, item.low, item.high, lw=0, **style)
+        case Bars():
+            at = item.x if item.lying else item.y
+            return ax.errorbar(
+                item.x, item.y, **{"xerr" if item.lying else "yerr": [at - item.low, item.high - at]}, **style
+            )
+        case Histogram():
+            return ax.hist(item.edges[:-1], bins=list(item.edges), weights=item.counts, **style)
+        case Mark():
+            return (ax.axvline if item.of == "x" else ax.axhline)(item.at, **style)
+        case Span():
+            return (ax.axvspan if item.of == "x" else ax.axhspan)(item.low, item.high, lw=0, **style)
+
+
+def describe(ax: Axes, frame: Frame, *, apart: str = " ", **style: Any) -> None:
+    """Write what is on the axes and in which units, and the title if there is one."""
+    for axis, write in ((frame.x, ax.set_xlabel), (frame.y, ax.set_ylabel)):
+        unit = axis.unit.replace("^2", "²").replace("^3", "³")
+        write(f"{axis.label}{apart if axis is frame.y else ' '}[{unit}]" if unit else axis.label)
+    if frame.title:
+        ax.set_title(frame.title, **style)
 
 
 def figure_of(ax: Axes) -> Figure:

@@ -1,6 +1,6 @@
-"""What the figures share: colours, labels, how a variance is drawn, and the registry at which figures register."""
+"""What the figures share: colours, labels, how variances are drawn, and the registry at which figures register."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.drawing import registry
-from gmwm_jax._internal.figures import GivenAxes, frames, new_figure
+from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame, Item
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, new_figure, put
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
@@ -19,6 +20,8 @@ draw = registry("gmwm_jax")
 
 DATA, FIT, DATASHEET = "#1f4e79", "#c23b22", "#5b8c2a"
 COMPONENTS = ("#e08e0b", "#7a4f9a", "#2a8f8f", "#b5628c", "#8c6d31", "#4f7fbf", "#6b6b6b")
+DRAWS = "#2a7f8e"
+TIME = Axis("time", "s")
 MAX_POINTS = 4000
 """In a time series: more are drawn as the band between minima and maxima."""
 
@@ -26,35 +29,86 @@ Datasheet = str | AbstractProcess | Composite | Mapping[str, str | AbstractProce
 """A model, or where the channels have several units one for each of them: ``{"rad/s": ..., "m/s^2": ...}``."""
 
 
-def draw_variance(ax: Axes, wv: WaveletVariance, colour: str, label: str) -> None:
-    ax.fill_between(wv.times, wv.ci_low, wv.ci_high, color=colour, alpha=0.18, lw=0)
-    ax.loglog(wv.times, wv.variance, "o-", color=colour, ms=3.5, lw=1, label=label)
+def scale_axis(wv: WaveletVariance) -> Axis:
+    """Spans of the filter."""
+    return Axis("scale τ", "s" if wv.rate else "samples", "log")
 
 
-def draw_datasheet(ax: Axes, wv: WaveletVariance, model: Composite) -> None:
-    nu = np.asarray(model.wavelet_variance(wv.scales))
-    ax.loglog(wv.times, nu, "-.", color=DATASHEET, lw=1.4, label="datasheet")
+def variance_axis(unit: str) -> Axis:
+    """Wavelet variances of a signal of this unit."""
+    return Axis("wavelet variance", "1" if unit == "1" else f"({unit})^2", "log")
 
 
-def finish_variance(ax: Axes, wv: WaveletVariance, unit: str) -> None:
-    ax.set_xlabel(time_label(wv))
-    ax.set_ylabel("wavelet variance [1]" if unit == "1" else f"wavelet variance [({pretty(unit)})²]")
-    legend(ax, wv.level)
+def variance_items(wv: WaveletVariance, label: str) -> list[Item]:
+    """Wavelet variance of one channel with its interval."""
+    return [Band("", wv.times, wv.ci_low, wv.ci_high), Curve(label, wv.times, wv.variance)]
+
+
+def datasheet_items(wv: WaveletVariance, models: Mapping[str, Composite]) -> list[Item]:
+    """What the datasheet promises for the unit of one channel, if it says something of it."""
+    if wv.units[0] not in models:
+        return []
+    return [Curve("datasheet", wv.times, np.asarray(models[wv.units[0]].wavelet_variance(wv.scales)))]
+
+
+def dense_scales(wv: WaveletVariance) -> np.ndarray:
+    """Even spans between the scales: theory is drawn there too."""
+    return np.unique(2 * np.round(np.geomspace(wv.scales[0], wv.scales[-1], 200) / 2))
+
+
+def in_half_widths(wv: WaveletVariance, residuals: np.ndarray) -> np.ndarray:
+    """Residuals over the half of the interval of confidence that they point away from."""
+    return residuals / np.where(residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
+
+
+def in_bins(t: np.ndarray, x: np.ndarray) -> tuple[int, Band, Curve]:
+    """A long record as the range and the mean of the samples in each of a few thousand bins; NaN are missing ones.
+
+    Also the number of samples in a bin; the last may have fewer, no sample is left out.
+    """
+    size = -(-len(x) // (MAX_POINTS // 2))
+    first = np.arange(0, len(x), size)
+    at = (t[first] + t[np.append(first[1:], len(x)) - 1]) / 2
+    with np.errstate(invalid="ignore"):  # none there: no mean
+        mean = np.add.reduceat(np.nan_to_num(x), first) / np.add.reduceat(~np.isnan(x), first, dtype=float)
+    band = Band("min .. max", at, np.fmin.reduceat(x, first), np.fmax.reduceat(x, first))
+    return size, band, Curve(f"mean of {size} samples", at, mean)
+
+
+def draw_variance(ax: Axes, items: Sequence[Item], colour: str) -> None:
+    """A band and its curve."""
+    band, curve = items
+    put(ax, band, color=colour, alpha=0.18)
+    put(ax, curve, marker="o", color=colour, ms=3.5, lw=1)
+
+
+def draw_variances(ax: Axes, frame: Frame) -> Sequence[Item]:
+    """Bands and curves of one or several channels, log-log; returns the items that are left to draw."""
+    finish_log_log(ax, frame)
+    num = sum(isinstance(item, Band) for item in frame.items)
+    for i, colour in zip(range(num), (DATA,) if num == 1 else cycle(COMPONENTS), strict=False):
+        draw_variance(ax, frame.items[2 * i : 2 * i + 2], colour)
+    return frame.items[2 * num :]
+
+
+def draw_datasheet(ax: Axes, items: Sequence[Item]) -> None:
+    """The promise, if there is one."""
+    for item in items:
+        put(ax, item, color=DATASHEET, lw=1.4, ls="-.")
+
+
+def finish_log_log(ax: Axes, frame: Frame) -> None:
+    """Labels, scales, and thin lines behind the data."""
+    describe(ax, frame)
+    ax.set(xscale=frame.x.scale, yscale=frame.y.scale)
+    ax.grid(True, which="major", color="0.88", lw=0.6)
+    ax.set_axisbelow(True)
 
 
 def legend(ax: Axes, level: float) -> None:
-    ax.grid(True, which="major", color="0.88", lw=0.6)
-    ax.set_axisbelow(True)
+    """What is what, and what the bands are."""
     handles, _ = ax.get_legend_handles_labels()
     ax.legend(fontsize=8, title=f"band: {100 * level:g} % interval", title_fontsize=8, ncols=1 + (len(handles) > 5))
-
-
-def time_label(wv: WaveletVariance) -> str:
-    return "scale τ [s]" if wv.rate else "scale τ [samples]"
-
-
-def pretty(unit: str) -> str:
-    return unit.replace("^2", "²").replace("^3", "³")
 
 
 def lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
@@ -63,17 +117,18 @@ def lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
 
 
 def title_of(wv: WaveletVariance, members: Sequence[int]) -> str:
+    """Name and channels."""
     names = ", ".join(wv.channels[i] for i in members) if len(members) < 5 else f"{len(members)} channels"
     title = names if wv.name in ("", names) else f"{wv.name}, {names}"
     return f"{title}, robust ({wv.efficiency:g})" if wv.efficiency else title
 
 
-def coloured(wv: WaveletVariance, members: Sequence[int], single: str) -> Iterator[tuple[str, int, str]]:
-    """Colour, number and label of the channels in one frame."""
-    if len(members) == 1:
-        yield DATA, members[0], single
-    else:
-        yield from ((colour, i, wv.channels[i]) for colour, i in zip(cycle(COMPONENTS), members, strict=False))
+def members_by_unit(wv: WaveletVariance) -> dict[str, list[int]]:
+    """Unit -> numbers of the channels that have it: those share a frame."""
+    members: dict[str, list[int]] = {}
+    for i, unit in enumerate(wv.units):
+        members.setdefault(unit, []).append(i)
+    return members
 
 
 def by_unit(datasheet: Datasheet | None, units: Sequence[str]) -> dict[str, Composite]:
@@ -90,15 +145,6 @@ def by_unit(datasheet: Datasheet | None, units: Sequence[str]) -> dict[str, Comp
             'give datasheet={"rad/s": ...}.'
         )
     return {units[0]: as_model(datasheet)}
-
-
-def unit_frames(wv: WaveletVariance, axes: GivenAxes | None) -> tuple[Figure, list[tuple[Axes, str, list[int]]]]:
-    """A frame for each unit, with the numbers of the channels that it shows."""
-    members: dict[str, list[int]] = {}
-    for i, unit in enumerate(wv.units):
-        members.setdefault(unit, []).append(i)
-    figure, chosen = frames(axes, 1, len(members), (0.6 + 6 * len(members), 4.6))
-    return figure, [(frame, unit, who) for frame, (unit, who) in zip(chosen, members.items(), strict=True)]
 
 
 def large_and_small(axes: GivenAxes | None) -> tuple[Figure, list[Axes]]:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, entries_of, shared_legend
+from gmwm_jax._internal.figure_data import Axis, Curve, Frame, Mark, Points, Span
+from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, put, shared_legend
 from gmwm_jax.fitting.result import Fit, Fits
 from gmwm_jax.plotting._style import (
     COMPONENTS,
@@ -15,18 +16,58 @@ from gmwm_jax.plotting._style import (
     FIT,
     Datasheet,
     by_unit,
+    datasheet_items,
+    dense_scales,
     draw,
     draw_datasheet,
-    draw_variance,
-    finish_variance,
+    draw_variances,
+    in_half_widths,
     large_and_small,
+    legend,
     lowest,
     pairs_of_frames,
-    time_label,
+    scale_axis,
     title_of,
+    variance_axis,
+    variance_items,
 )
 
 _ZERO = ": zero"
+_NONE = np.array([])
+
+
+def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Frame]:
+    """What `plot_fit` shows: the variances, and the residuals in half widths of the confidence interval.
+
+    Parameters
+    ----------
+    fit
+        The fit of one channel.
+    datasheet
+        A model of what the datasheet promises; by unit if there are several.
+    """
+    wv, dense = fit.wv, dense_scales(fit.wv)
+    t = dense / (wv.rate or 1.0)
+    items = variance_items(wv, "wavelet variance")
+    items.append(Curve("fit", t, np.asarray(fit.model.wavelet_variance(dense))))
+    for label, p in zip(fit.model.labels, fit.model.processes, strict=True):
+        if float(p.amplitude) > 0:
+            items.append(Curve(label, t, np.asarray(p.wavelet_variance(dense))))
+        else:
+            items.append(Curve(f"{label}{_ZERO}", _NONE, _NONE))
+    items += datasheet_items(wv, by_unit(datasheet, wv.units))
+    kinds = Counter(p.kind for p in fit.model.processes)
+    model = " + ".join(kind if count == 1 else f"{count} {kind}" for kind, count in kinds.items())
+    title = f"{title_of(wv, [0])}: {model}, objective {fit.objective:.5g}"
+    residuals = (
+        Span(f"{100 * wv.level:g} % interval of one scale", -1.0, 1.0, "y"),
+        Mark("", 0.0, "y"),
+        Points("", wv.times, in_half_widths(wv, fit.residuals)),
+    )
+    return (
+        Frame(title, scale_axis(wv), variance_axis(fit.unit), tuple(items)),
+        Frame("", scale_axis(wv), Axis("residual", "half CI"), residuals),
+    )
 
 
 @draw.register(Fit)
@@ -42,37 +83,48 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | 
     axes
         Two Axes to draw into; a new figure if left out.
     """
+    above, below = fit_data(fit, datasheet=datasheet)
     figure, (top, bottom) = large_and_small(axes)
-    wv = fit.wv
-    draw_variance(top, wv, DATA, "wavelet variance")
-    # theory is drawn between the scales too, at even spans
-    dense = np.unique(2 * np.round(np.geomspace(wv.scales[0], wv.scales[-1], 200) / 2))
-    t = dense / (wv.rate or 1.0)
-    top.loglog(t, np.asarray(fit.model.wavelet_variance(dense)), color=FIT, lw=1.6, label="fit", zorder=3)
-    for colour, label, p in zip(cycle(COMPONENTS), fit.model.labels, fit.model.processes, strict=False):
-        if float(p.amplitude) > 0:
-            top.loglog(t, np.asarray(p.wavelet_variance(dense)), "--", color=colour, lw=1, label=label)
-        else:
-            top.plot([], [], "--", color=colour, lw=1, label=f"{label}{_ZERO}")
-    models = by_unit(datasheet, wv.units)
-    if fit.unit in models:
-        draw_datasheet(top, wv, models[fit.unit])
-    finish_variance(top, wv, fit.unit)
+    model, *more = draw_variances(top, above)
+    put(top, model, color=FIT, lw=1.6, zorder=3)
+    num = len(fit.model.labels)
+    for item, colour in zip(more[:num], cycle(COMPONENTS), strict=False):
+        put(top, item, color=colour, lw=1, ls="--")
+    draw_datasheet(top, more[num:])
+    top.set_title(above.title, fontsize=10)
     top.set_xlabel("")
-    top.set_ylim(lowest(wv.ci_low, wv.variance) / 4, np.max(wv.ci_high) * 3)
-    kinds = Counter(p.kind for p in fit.model.processes)
-    model = " + ".join(kind if count == 1 else f"{count} {kind}" for kind, count in kinds.items())
-    top.set_title(f"{title_of(wv, [0])}: {model}, objective {fit.objective:.5g}", fontsize=10)
-    half = np.where(fit.residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
-    bottom.axhspan(-1, 1, color=DATA, alpha=0.12, lw=0, label=f"{100 * wv.level:g} % interval of one scale")
-    bottom.axhline(0, color="0.4", lw=0.8)
-    bottom.plot(wv.times, fit.residuals / half, "o", color=FIT, ms=4)
-    bottom.set_ylabel("residual\n[half CI]")
-    bottom.set_xlabel(time_label(wv))
+    top.set_ylim(lowest(fit.wv.ci_low, fit.wv.variance) / 4, np.max(fit.wv.ci_high) * 3)
+    legend(top, fit.wv.level)
+    describe(bottom, below, apart="\n")
+    bottom.set_xscale(below.x.scale)
+    interval, zero, pulls = below.items
+    put(bottom, interval, color=DATA, alpha=0.12)
+    put(bottom, zero, color="0.4", lw=0.8)
+    put(bottom, pulls, marker="o", ls="", color=FIT, ms=4)
     bottom.legend(fontsize=8, loc="best")
-    limit = max(1.3, 1.15 * float(np.max(np.abs(fit.residuals / half))))
+    limit = max(1.3, 1.15 * float(np.max(np.abs(in_half_widths(fit.wv, fit.residuals)))))
     bottom.set_ylim(-limit, limit)
     return figure
+
+
+def fits_data(fits: Fits, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
+    """What `plot_fits` shows: two frames a channel, see `fit_data`.
+
+    Parameters
+    ----------
+    fits
+        The fits of several channels.
+    datasheet
+        A model of what the datasheet promises; by unit if there are several.
+    """
+    models = by_unit(datasheet, [fit.unit for fit in fits.values()])
+    shown = []
+    for fit in fits.values():
+        above, below = fit_data(fit, datasheet=models.get(fit.unit))
+        gone = [item.label.removesuffix(_ZERO) for item in above.items if item.label.endswith(_ZERO)]
+        note = f", {', '.join(gone)} zero" if gone else ""
+        shown += [above._replace(title=f"{fit.wv.channels[0]}: objective {fit.objective:.4g}{note}"), below]
+    return tuple(shown)
 
 
 @draw.register(Fits)
@@ -88,16 +140,12 @@ def plot_fits(fits: Fits, *, datasheet: Datasheet | None = None, axes: GivenAxes
     axes
         Two Axes a channel to draw into, of shape (2, channels), the small ones below; a new figure if left out.
     """
-    models = by_unit(datasheet, [fit.unit for fit in fits.values()])
+    models, shown = by_unit(datasheet, [fit.unit for fit in fits.values()]), fits_data(fits, datasheet=datasheet)
     figure, pairs = pairs_of_frames(axes, len(fits), 4.6, 0.5)
     entries: dict[str, Any] = {}
-    for fit, (top, bottom) in zip(fits.values(), pairs, strict=True):
+    for fit, frame, (top, bottom) in zip(fits.values(), shown[::2], pairs, strict=True):
         plot_fit(fit, datasheet=models.get(fit.unit), axes=(top, bottom))
-        zero = [
-            label for label, p in zip(fit.model.labels, fit.model.processes, strict=True) if float(p.amplitude) == 0
-        ]
-        note = f", {', '.join(zero)} zero" if zero else ""
-        top.set_title(f"{fit.wv.channels[0]}: objective {fit.objective:.4g}{note}", fontsize=10)
+        top.set_title(frame.title, fontsize=10)
         top.tick_params(labelbottom=False)
         for label, handle in entries_of(top, bottom).items():
             entries.setdefault(label.removesuffix(_ZERO), handle)

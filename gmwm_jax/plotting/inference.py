@@ -6,17 +6,47 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, frames
+from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Histogram, Item, Mark, Span
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import Estimate
 from gmwm_jax.inference.bootstrapping import Bootstrap
 from gmwm_jax.inference.intervals import replicates_needed
-from gmwm_jax.inference.selection import Candidate, Selection, Selections
-from gmwm_jax.plotting._style import draw
+from gmwm_jax.inference.selection import Selection, Selections
+from gmwm_jax.plotting._style import DRAWS, FIT, draw
 
 _SHOWN = 20
-_RECOMMENDED, _EQUIVALENT, _WORSE = "#c23b22", "#2a7f8e", "0.6"
-_REPLICATES, _ESTIMATE, _THEORY = "#2a7f8e", "#c23b22", "0.35"
+_RECOMMENDED, _EQUIVALENT, _WORSE = "recommended: the simplest of these", "none is significantly better", "worse"
+_COLOURS = {_RECOMMENDED: FIT, _EQUIVALENT: DRAWS, _WORSE: "0.6"}
+_THEORY = "0.35"
+
+
+def selection_data(selection: Selection) -> tuple[Frame]:
+    """What `plot_selection` shows: the twenty lowest candidates, in rows from the top.
+
+    Parameters
+    ----------
+    selection
+        Of one channel.
+    """
+    shown = [c for c in selection.candidates if c.sound][:_SHOWN]
+    equivalent = {c.name for c in selection.equivalent}
+    groups: dict[str, list[int]] = {}
+    for row, c in enumerate(shown):
+        group = _EQUIVALENT if c.name in equivalent else _WORSE
+        groups.setdefault(_RECOMMENDED if c is selection.recommended else group, []).append(row)
+    at = np.array([c.difference for c in shown])
+    half = normal_quantile(selection.level) * np.array([c.standard_error for c in shown])
+    bars = (
+        Bars(label, at[rows], np.array(rows), (at - half)[rows], (at + half)[rows], lying=True)
+        for label, rows in groups.items()
+    )
+    title = f"{selection.superset.wv.channels[0]}: {len(selection)} models"
+    label = f"WVIC, difference to the lowest, with {100 * selection.level:g} % intervals"
+    names = tuple(f"{c.name}  ({c.num_parameters})" for c in shown)
+    scale = "symlog" if np.any(half > 0) else "linear"
+    rows = Axis("model (number of parameters)", "", names=names)
+    return (Frame(title, Axis(label, "", scale), rows, (*bars, Mark("", 0.0))),)
 
 
 @draw.register(Selection)
@@ -30,10 +60,21 @@ def plot_selection(selection: Selection, *, axes: GivenAxes | None = None) -> Fi
     axes
         The Axes to draw into; a new figure if left out.
     """
-    shown = _shown(selection)
-    figure, (ax,) = frames(axes, 1, 1, (7.5, 1.4 + 0.28 * len(shown)))
-    _draw_candidates(ax, selection, shown)
+    (frame,) = selection_data(selection)
+    figure, (ax,) = frames(axes, 1, 1, (7.5, 1.4 + 0.28 * len(frame.y.names)))
+    _draw_candidates(ax, frame, selection.level)
     return figure
+
+
+def selections_data(selections: Selections) -> tuple[Frame, ...]:
+    """What `plot_selections` shows: a frame a channel, see `selection_data`.
+
+    Parameters
+    ----------
+    selections
+        Of several channels.
+    """
+    return tuple(frame for selection in selections.values() for frame in selection_data(selection))
 
 
 @draw.register(Selections)
@@ -47,45 +88,62 @@ def plot_selections(selections: Selections, *, axes: GivenAxes | None = None) ->
     axes
         An Axes for each channel to draw into; a new figure if left out.
     """
-    shown = [_shown(s) for s in selections.values()]
+    shown = selections_data(selections)
     columns = min(3, len(shown))
     rows = math.ceil(len(shown) / columns)
-    size = (6.2 * columns, rows * (1.4 + 0.28 * max(map(len, shown))))
+    size = (6.2 * columns, rows * (1.4 + 0.28 * max(len(frame.y.names) for frame in shown)))
     figure, drawn = frames(axes, rows, columns, size, num=len(shown))
-    for ax, selection, own in zip(drawn, selections.values(), shown, strict=True):
-        _draw_candidates(ax, selection, own)
+    for ax, frame, selection in zip(drawn, shown, selections.values(), strict=True):
+        _draw_candidates(ax, frame, selection.level)
     return figure
 
 
-def _shown(selection: Selection, *, axes: GivenAxes | None = None) -> list[Candidate]:
-    return [c for c in selection.candidates if c.sound][:_SHOWN]
-
-
-def _draw_candidates(ax: Axes, selection: Selection, shown: list[Candidate]) -> None:
-    equivalent = {c.name for c in selection.equivalent}
-    z = normal_quantile(selection.level)
-    drawn = set()
-    for row, c in enumerate(shown):
-        if c is selection.recommended:
-            color, label = _RECOMMENDED, "recommended: the simplest of these"
-        elif c.name in equivalent:
-            color, label = _EQUIVALENT, "none is significantly better"
-        else:
-            color, label = _WORSE, "worse"
-        style = {"fmt": "o", "color": color, "capsize": 3, "label": None if label in drawn else label}
-        ax.errorbar(c.difference, row, xerr=z * c.standard_error, **style)
-        drawn.add(label)
-    ax.axvline(0, color="0.3", lw=0.8)
-    ax.set_yticks(range(len(shown)), [f"{c.name}  ({c.num_parameters})" for c in shown])
+def _draw_candidates(ax: Axes, frame: Frame, level: float) -> None:
+    describe(ax, frame, fontsize=10)
+    *groups, zero = frame.items
+    for group in groups:
+        put(ax, group, fmt="o", color=_COLOURS[group.label], capsize=3)
+    put(ax, zero, color="0.3", lw=0.8)
+    ax.set_yticks(range(len(frame.y.names)), frame.y.names)
     ax.invert_yaxis()
-    errors = [c.standard_error for c in shown if c.standard_error > 0]
-    if errors:
-        ax.set_xscale("symlog", linthresh=float(np.median(errors)))
-        ax.set_xlim(left=min(c.difference - 1.3 * z * c.standard_error for c in shown))
-    ax.set_xlabel(f"WVIC, difference to the lowest, with {100 * selection.level:g} % intervals")
-    ax.set_ylabel("model (number of parameters)")
-    ax.set_title(f"{selection.superset.wv.channels[0]}: {len(selection)} models", fontsize=10)
+    if frame.x.scale == "symlog":
+        at, high = (np.concatenate(ends) for ends in zip(*((g.x, g.high) for g in groups), strict=True))  # type: ignore
+        half = high - at
+        ax.set_xscale("symlog", linthresh=float(np.median(half[half > 0])) / normal_quantile(level))
+        ax.set_xlim(left=float(np.min(at - 1.3 * half)))
     ax.legend(fontsize=8, loc="lower right")
+
+
+def bootstrap_data(boot: Bootstrap) -> tuple[Frame, ...]:
+    """What `plot_bootstrap` shows: a frame for each parameter that varies.
+
+    Parameters
+    ----------
+    boot
+        The replicates.
+    """
+    enough = len(boot.good) >= replicates_needed(boot.fit.level)
+    theory, shown = boot.fit.parameters(), boot.parameters() if enough else boot.fit.parameters()
+    pairs = list(zip(shown, theory, strict=True))
+    varies = [i for i in range(boot.good.shape[1]) if np.ptp(boot.good[:, i]) > 0]
+    return tuple(_parameter(boot.good[:, i], *pairs[i], boot.fit.level, enough) for i in varies)
+
+
+def _parameter(draws: np.ndarray, own: Estimate, theory: Estimate, level: float, enough: bool) -> Frame:
+    positive = draws[draws > 0]
+    gone = 100 * (1 - len(positive) / len(draws))
+    absent = f", {gone:.2g} % at zero" if gone else ""
+    wide = positive.max() > 5 * positive.min()
+    edges = (np.geomspace if wide else np.linspace)(positive.min(), positive.max(), 31)
+    items: list[Item] = [Histogram(f"replicates{absent}", edges, np.histogram(positive, edges)[0])]
+    if own.value > 0:
+        items.append(Mark("estimate", own.value))
+    if enough and own.ci_high > 0:
+        items.append(Span(f"{100 * level:g} % percentile", max(own.ci_low, float(edges[0])), own.ci_high))
+    if np.isfinite(theory.ci_low):
+        items += [Mark(f"{100 * level:g} % theory", theory.ci_low), Mark("", theory.ci_high)]
+    scale = "log" if wide else "linear"
+    return Frame("", Axis(f"{own.component} {own.symbol}", own.unit, scale), Axis("replicates", ""), tuple(items))
 
 
 @draw.register(Bootstrap)
@@ -99,39 +157,27 @@ def plot_bootstrap(boot: Bootstrap, *, axes: GivenAxes | None = None) -> Figure:
     axes
         An Axes for each parameter that varies to draw into; a new figure if left out.
     """
-    enough = len(boot.good) >= replicates_needed(boot.fit.level)
-    theory, shown = boot.fit.parameters(), boot.parameters() if enough else boot.fit.parameters()
-    panels = [i for i in range(boot.good.shape[1]) if np.ptp(boot.good[:, i]) > 0]
-    columns = min(3, max(1, len(panels)))
-    rows = max(1, math.ceil(len(panels) / columns))
-    figure, drawn = frames(axes, rows, columns, (4.4 * columns, 3.2 * rows), num=len(panels))
-    pairs = list(zip(shown, theory, strict=True))
-    for ax, i in zip(drawn, panels, strict=True):
-        _draw_parameter(ax, boot.good[:, i], *pairs[i], boot.fit.level, enough)
-    what = f"{boot.fit.wv.channels[0]}: {len(boot.good)} replicates by {boot.route}"
+    shown = bootstrap_data(boot)
+    columns = min(3, max(1, len(shown)))
+    rows = max(1, math.ceil(len(shown) / columns))
+    figure, drawn = frames(axes, rows, columns, (4.4 * columns, 3.2 * rows), num=len(shown))
+    for ax, frame in zip(drawn, shown, strict=True):
+        describe(ax, frame)
+        ax.set_xscale(frame.x.scale)
+        if frame.x.scale == "linear":
+            ax.locator_params(axis="x", nbins=4)
+        for item in frame.items:
+            match item:
+                case Histogram():
+                    put(ax, item, color=DRAWS, alpha=0.6)
+                case Span():
+                    put(ax, item, color=FIT, alpha=0.12)
+                case Mark(label="estimate"):
+                    put(ax, item, color=FIT, lw=1.5)
+                case _:
+                    put(ax, item, color=_THEORY, ls="--", lw=1)
+        ax.legend(fontsize=7)
     if axes is None:
+        what = f"{boot.fit.wv.channels[0]}: {len(boot.good)} replicates by {boot.route}"
         figure.suptitle(f"{what}; p = {boot.p_value:.2g} for the model", fontsize=10)
     return figure
-
-
-def _draw_parameter(ax: Axes, draws: np.ndarray, own: Estimate, theory: Estimate, level: float, enough: bool) -> None:
-    positive = draws[draws > 0]
-    gone = 100 * (1 - len(positive) / len(draws))
-    absent = f", {gone:.2g} % at zero" if gone else ""
-    wide = positive.max() > 5 * positive.min()
-    bins = (np.geomspace if wide else np.linspace)(positive.min(), positive.max(), 31)
-    ax.hist(positive, bins=bins, color=_REPLICATES, alpha=0.6, label=f"replicates{absent}")
-    ax.set_xscale("log" if wide else "linear")
-    if not wide:
-        ax.locator_params(axis="x", nbins=4)
-    if own.value > 0:
-        ax.axvline(own.value, color=_ESTIMATE, lw=1.5, label="estimate")
-    if enough and own.ci_high > 0:
-        label = f"{100 * level:g} % percentile"
-        ax.axvspan(max(own.ci_low, bins[0]), own.ci_high, color=_ESTIMATE, alpha=0.12, lw=0, label=label)
-    if np.isfinite(theory.ci_low):
-        for end, label in ((theory.ci_low, f"{100 * level:g} % theory"), (theory.ci_high, None)):
-            ax.axvline(end, color=_THEORY, ls="--", lw=1, label=label)
-    ax.set_xlabel(f"{own.component} {own.symbol} [{own.unit}]")
-    ax.set_ylabel("replicates")
-    ax.legend(fontsize=7)

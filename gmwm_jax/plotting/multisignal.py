@@ -1,23 +1,66 @@
 """Figures of several records: joint fit, parameters by record, test of near-stationarity, cross-validation."""
 
 import math
+from collections.abc import Iterator
 from itertools import cycle
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, frames
+from gmwm_jax._internal.figure_data import Axis, Band, Bars, Curve, Frame, Histogram, Item, Mark, Span
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.multisignal.comparison import RecordComparison
 from gmwm_jax.multisignal.cross_validation import CrossValidation
 from gmwm_jax.multisignal.joint import JointFit, JointFits
 from gmwm_jax.multisignal.stationarity import NearStationarity
-from gmwm_jax.plotting._style import draw, large_and_small, pairs_of_frames
+from gmwm_jax.plotting._style import (
+    DRAWS,
+    FIT,
+    dense_scales,
+    draw,
+    finish_log_log,
+    in_half_widths,
+    large_and_small,
+    pairs_of_frames,
+    scale_axis,
+    variance_axis,
+)
+from gmwm_jax.processes.parameter import Parameter
 
-_FIT, _DRAWS = "#c23b22", "#2a7f8e"
 _RECORDS = ("#2a7f8e", "#7a4fa3", "#d98e04", "#4c9a2a", "#1f4e79", "#b5628c")
 _MOST_NAMES = 8
 """Records that a legend names one by one."""
+
+
+def joint_fit_data(joint: JointFit) -> tuple[Frame, Frame]:
+    """What `plot_joint_fit` shows: the variances, and the residuals in half widths of the confidence interval.
+
+    Parameters
+    ----------
+    joint
+        The joint fit of one channel.
+    """
+    dense = dense_scales(joint.wv)
+    t = dense / (joint.wv.rate or 1.0)
+    above: list[Item] = []
+    if all(r.wv.num_scales >= joint.model.num_free for r in joint.records):
+        alone = np.array([f.model.wavelet_variance(dense) for f in joint.singles])
+        above.append(Band("range of single fits", t, alone.min(axis=0), alone.max(axis=0)))
+    interval = f"{100 * joint.wv.level:g} % interval of one scale"
+    below: list[Item] = [Span(interval, -1.0, 1.0, "y"), Mark("", 0.0, "y")]
+    few = len(joint.records) <= _MOST_NAMES
+    for i, (name, r) in enumerate(zip(joint.names, joint.records, strict=True)):
+        label = (f"record {name}" if name.isdigit() else name) if few else "records" if i == 0 else ""
+        above.append(Curve(label, r.wv.times, r.wv.variance))
+        below.append(Curve("", r.wv.times, in_half_widths(r.wv, r.residuals)))
+    above.append(Curve("joint fit", t, np.asarray(joint.model.wavelet_variance(dense))))
+    model = f"{' + '.join(joint.model.labels)}, objective {joint.objective:.5g}"
+    title = f"{joint.wv.channels[0]}, {len(joint.records)} records: {model}"
+    return (
+        Frame(title, scale_axis(joint.wv), variance_axis(joint.unit), tuple(above)),
+        Frame("", scale_axis(joint.wv), Axis("residual", "half CI", "symlog"), tuple(below)),
+    )
 
 
 @draw.register(JointFit)
@@ -31,37 +74,46 @@ def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
     axes
         Two Axes to draw into; a new figure if left out.
     """
+    above, below = joint_fit_data(joint)
     figure, (top, bottom) = large_and_small(axes)
-    rate, tau = joint.wv.rate or 1.0, joint.wv.scales
-    dense = np.unique(2 * np.round(np.geomspace(tau[0], tau[-1], 200) / 2))
-    if all(r.wv.num_scales >= joint.model.num_free for r in joint.records):
-        alone = np.array([f.model.wavelet_variance(dense) for f in joint.singles])
-        low, high = alone.min(axis=0), alone.max(axis=0)
-        top.fill_between(dense / rate, low, high, color=_FIT, alpha=0.18, lw=0, label="range of single fits")
-    bottom.axhspan(-1, 1, color="0.5", alpha=0.15, lw=0, label=f"{100 * joint.wv.level:g} % interval of one scale")
-    bottom.axhline(0, color="0.4", lw=0.8)
-    few = len(joint.records) <= _MOST_NAMES
-    for i, (name, r, colour) in enumerate(zip(joint.names, joint.records, cycle(_RECORDS), strict=False)):
-        wv = r.wv
-        label = (f"record {name}" if name.isdigit() else name) if few else "records" if i == 0 else None
-        top.loglog(wv.times, wv.variance, "o-", color=colour, ms=2.5, lw=0.8, label=label)
-        half = np.where(r.residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
-        bottom.plot(wv.times, r.residuals / half, "o-", color=colour, ms=2.5, lw=0.5)
-    top.loglog(dense / rate, np.asarray(joint.model.wavelet_variance(dense)), color=_FIT, lw=1.8, label="joint fit")
-    unit = joint.unit.replace("^2", "²")
-    top.set_ylabel("wavelet variance [1]" if unit == "1" else f"wavelet variance [({unit})²]")
-    top.grid(True, which="major", color="0.88", lw=0.6)
-    top.set_axisbelow(True)
+    finish_log_log(top, above)
+    *more, model = above.items
+    colours = cycle(_RECORDS)
+    for item in more:
+        if isinstance(item, Band):
+            put(top, item, color=FIT, alpha=0.18)
+        else:
+            put(top, item, marker="o", color=next(colours), ms=2.5, lw=0.8)
+    put(top, model, color=FIT, lw=1.8)
+    top.set_title(above.title, fontsize=10)
+    top.set_xlabel("")
     top.legend(fontsize=8)
-    labels = " + ".join(joint.model.labels)
-    channel = joint.wv.channels[0]
-    top.set_title(f"{channel}, {len(joint.records)} records: {labels}, objective {joint.objective:.5g}", fontsize=10)
-    bottom.set_yscale("symlog", linthresh=4)
+    describe(bottom, below, apart="\n")
+    interval, zero, *records = below.items
+    put(bottom, interval, color="0.5", alpha=0.15)
+    put(bottom, zero, color="0.4", lw=0.8)
+    for item, colour in zip(records, cycle(_RECORDS), strict=False):
+        put(bottom, item, marker="o", color=colour, ms=2.5, lw=0.5)
+    bottom.set_xscale(below.x.scale)
+    bottom.set_yscale(below.y.scale, linthresh=4)
     bottom.set_yticks([y for y in (-100, -10, 0, 10, 100) if abs(y) < 1.3 * np.abs(bottom.get_ylim()).max()])
-    bottom.set_ylabel("residual\n[half CI]")
-    bottom.set_xlabel("scale τ [s]" if joint.wv.rate else "scale τ [samples]")
     bottom.legend(fontsize=8, loc="best")
     return figure
+
+
+def joint_fits_data(joints: JointFits) -> tuple[Frame, ...]:
+    """What `plot_joint_fits` shows: two frames a channel, see `joint_fit_data`.
+
+    Parameters
+    ----------
+    joints
+        The joint fits of several channels.
+    """
+    shown = []
+    for joint in joints.fits:
+        above, below = joint_fit_data(joint)
+        shown += [above._replace(title=f"{joint.wv.channels[0]}: objective {joint.objective:.4g}"), below]
+    return tuple(shown)
 
 
 @draw.register(JointFits)
@@ -76,14 +128,42 @@ def plot_joint_fits(joints: JointFits, *, axes: GivenAxes | None = None) -> Figu
         Two Axes a channel to draw into, of shape (2, channels), the small ones below; a new figure if left out.
     """
     figure, pairs = pairs_of_frames(axes, len(joints), 4.8, 0.0)
-    for i, (joint, (top, bottom)) in enumerate(zip(joints.values(), pairs, strict=True)):
+    for i, (joint, frame, (top, bottom)) in enumerate(
+        zip(joints.fits, joint_fits_data(joints)[::2], pairs, strict=True)
+    ):
         plot_joint_fit(joint, axes=(top, bottom))
-        top.set_title(f"{joint.wv.channels[0]}: objective {joint.objective:.4g}", fontsize=10)
+        top.set_title(frame.title, fontsize=10)
         top.tick_params(labelbottom=False)
         bottom.get_legend().remove()  # type: ignore[union-attr]
         if i:
             top.get_legend().remove()  # type: ignore[union-attr]
     return figure
+
+
+def record_comparison_data(comparison: RecordComparison) -> tuple[Frame, ...]:
+    """What `plot_record_comparison` shows: a frame for each parameter.
+
+    Parameters
+    ----------
+    comparison
+        Of one channel.
+    """
+    joint = comparison.joint
+    numbers = np.arange(1, len(joint.records) + 1)
+    parameters = {(label, q.name): (q, q.unit.format(u=joint.unit), value) for label, q, value in _parameters(joint)}
+    z = normal_quantile(joint.level)
+    shown = []
+    for i, spread in enumerate(comparison.spreads):
+        q, unit, value = parameters[spread.component, spread.symbol]
+        x, half = comparison.estimates[:, i], z * np.sqrt(comparison.covariances[:, i, i])
+        seen = np.isfinite(x)
+        at, low, high = (np.asarray(q.from_line(e))[seen] for e in (x, x - half, x + half))
+        scale = "log" if np.any(seen) and high.max() > 3 * low.min() > 0 else "linear"
+        items = (Bars(f"single, {100 * joint.level:g} %", numbers[seen], at, low, high), Mark("joint", value, "y"))
+        title = f"p = {spread.p_value:.2g}, between records {100 * spread.between:.2g} %"
+        of = Axis(f"{spread.component} {spread.symbol}", unit, scale)
+        shown.append(Frame(title, Axis("record", ""), of, items))
+    return tuple(shown)
 
 
 @draw.register(RecordComparison)
@@ -97,42 +177,49 @@ def plot_record_comparison(comparison: RecordComparison, *, axes: GivenAxes | No
     axes
         An Axes for each parameter to draw into; a new figure if left out.
     """
-    joint, spreads = comparison.joint, comparison.spreads
-    columns = min(3, len(spreads))
-    rows = math.ceil(len(spreads) / columns)
-    figure, drawn = frames(axes, rows, columns, (4.2 * columns, 3.2 * rows), num=len(spreads))
-    numbers = np.arange(1, len(joint.records) + 1)
-    parameters = {(label, q.name): (q, q.unit.format(u=joint.unit), value) for label, q, value in _parameters(joint)}
-    z = normal_quantile(joint.level)
-    for i, (ax, spread) in enumerate(zip(drawn, spreads, strict=True)):
-        q, unit, value = parameters[spread.component, spread.symbol]
-        x, half = comparison.estimates[:, i], z * np.sqrt(comparison.covariances[:, i, i])
-        at, low, high = (np.asarray(q.from_line(e)) for e in (x, x - half, x + half))
-        seen = np.isfinite(x)
-        bars = np.array([at - low, high - at])[:, seen]
-        label = f"single, {100 * joint.level:g} %"
-        ax.errorbar(numbers[seen], at[seen], bars, fmt="o", color=_DRAWS, ms=4, capsize=3, label=label)
-        ax.axhline(value, color=_FIT, lw=1.4, label="joint")
-        ax.set_xticks(numbers)
-        ax.set_xlabel("record")
-        ax.set_ylabel(f"{spread.component} {spread.symbol} [{unit.replace('^2', '²')}]")
-        if np.any(seen) and high[seen].max() > 3 * low[seen].min() > 0:
-            ax.set_yscale("log")
-        ax.set_title(f"p = {spread.p_value:.2g}, between records {100 * spread.between:.2g} %", fontsize=9)
-        ax.set_xlim(0.5, len(numbers) + 0.5)
+    shown, num = record_comparison_data(comparison), len(comparison.joint.records)
+    columns = min(3, len(shown))
+    rows = math.ceil(len(shown) / columns)
+    figure, drawn = frames(axes, rows, columns, (4.2 * columns, 3.2 * rows), num=len(shown))
+    for ax, frame in zip(drawn, shown, strict=True):
+        singles, joint = frame.items
+        put(ax, singles, fmt="o", color=DRAWS, ms=4, capsize=3)
+        put(ax, joint, color=FIT, lw=1.4)
+        describe(ax, frame, fontsize=9)
+        ax.set_xticks(range(1, num + 1))
+        ax.set_yscale(frame.y.scale)
+        ax.set_xlim(0.5, num + 0.5)
     drawn[0].legend(fontsize=7)
     if axes is None:
-        figure.suptitle(
-            f"{joint.wv.channels[0]}: the same in all {len(numbers)} records? p = {comparison.p_value:.2g}", fontsize=10
-        )
+        what = f"{comparison.joint.wv.channels[0]}: the same in all {num} records? p = {comparison.p_value:.2g}"
+        figure.suptitle(what, fontsize=10)
     return figure
 
 
-def _parameters(joint: JointFit):
+def _parameters(joint: JointFit) -> Iterator[tuple[str, Parameter, float]]:
     """Label, parameter and joint estimate."""
     for label, p in zip(joint.model.labels, joint.model.processes, strict=True):
         for q, value in zip(p.parameters, p.values, strict=True):
             yield label, q, float(value)
+
+
+def near_stationarity_data(test: NearStationarity) -> tuple[Frame]:
+    """What `plot_near_stationarity` shows.
+
+    Parameters
+    ----------
+    test
+        Of one channel.
+    """
+    good = test.objective[test.converged]
+    far = test.joint.objective > 3 * good.max() or test.joint.objective < good.min() / 3
+    edges = np.geomspace(good.min(), good.max(), 31) if far else np.linspace(good.min(), good.max(), 31)
+    items = (
+        Histogram("records with the same parameters", edges, np.histogram(good, edges)[0]),
+        Mark(f"data, p = {test.p_value:.2g}", test.joint.objective),
+    )
+    title = f"{test.joint.wv.channels[0]}, {len(test.joint.records)} records: {' + '.join(test.joint.model.labels)}"
+    return (Frame(title, Axis("joint objective", "", "log" if far else "linear"), Axis("replicates", ""), items),)
 
 
 @draw.register(NearStationarity)
@@ -146,19 +233,34 @@ def plot_near_stationarity(test: NearStationarity, *, axes: GivenAxes | None = N
     axes
         The Axes to draw into; a new figure if left out.
     """
+    (frame,) = near_stationarity_data(test)
     figure, (ax,) = frames(axes, 1, 1, (6, 3.6))
-    good = test.objective[test.converged]
-    far = test.joint.objective > 3 * good.max() or test.joint.objective < good.min() / 3
-    bins = np.geomspace(good.min(), good.max(), 31) if far else 30
-    ax.hist(good, bins=bins, color=_DRAWS, alpha=0.6, label="records with the same parameters")
-    ax.axvline(test.joint.objective, color=_FIT, lw=1.6, label=f"data, p = {test.p_value:.2g}")
-    ax.set_xscale("log" if far else "linear")
-    ax.set_xlabel("joint objective")
-    ax.set_ylabel("replicates")
+    replicates, data = frame.items
+    put(ax, replicates, color=DRAWS, alpha=0.6)
+    put(ax, data, color=FIT, lw=1.6)
+    ax.set_xscale(frame.x.scale)
+    describe(ax, frame, fontsize=10)
     ax.legend(fontsize=8)
-    count = len(test.joint.records)
-    ax.set_title(f"{test.joint.wv.channels[0]}, {count} records: {' + '.join(test.joint.model.labels)}", fontsize=10)
     return figure
+
+
+def cross_validation_data(cv: CrossValidation) -> tuple[Frame]:
+    """What `plot_cross_validation` shows: the models in rows from the top.
+
+    Parameters
+    ----------
+    cv
+        Of one channel.
+    """
+    at, half = (np.array([getattr(p, what) for p in cv.scores]) for what in ("difference", "difference_error"))
+    positive = at[at > 0]
+    scale = "symlog" if len(positive) and positive.max() > 100 * positive.min() else "linear"
+    channel, count = cv.fits[0].wv.channels[0], cv.splits.shape[1]
+    title = f"{channel}, {count} records; red: recommended, blue: equivalent"
+    names = tuple(f"{p.model} ({p.num_parameters})" for p in cv.scores)
+    bars = Bars("", at, np.arange(len(at)), at - half, at + half, lying=True)
+    x = Axis("CV-WVIC above the best (± standard error)", "", scale)
+    return (Frame(title, x, Axis("", "", names=names), (bars, Mark("", 0.0))),)
 
 
 @draw.register(CrossValidation)
@@ -172,20 +274,20 @@ def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None)
     axes
         The Axes to draw into; a new figure if left out.
     """
+    (frame,) = cross_validation_data(cv)
     figure, (ax,) = frames(axes, 1, 1, (6.4, 0.9 + 0.42 * len(cv)))
-    chosen = cv.recommended
-    for y, p in enumerate(cv.scores):
-        colour = _FIT if p is chosen else _DRAWS if p.equivalent else "0.55"
-        ax.errorbar(p.difference, y, xerr=p.difference_error, fmt="o", color=colour, capsize=3, ms=5)
-    ax.set_yticks(range(len(cv)), [f"{p.model} ({p.num_parameters})" for p in cv.scores])
+    bars, zero = frame.items
+    assert isinstance(bars, Bars)
+    for i, p in enumerate(cv.scores):
+        colour = FIT if p is cv.recommended else DRAWS if p.equivalent else "0.55"
+        one = Bars("", *(values[[i]] for values in bars[1:5]), lying=True)
+        put(ax, one, fmt="o", color=colour, capsize=3, ms=5)
+    put(ax, zero, color="0.4", lw=0.8)
+    ax.set_yticks(range(len(cv)), frame.y.names)
     ax.invert_yaxis()
-    ax.axvline(0, color="0.4", lw=0.8)
-    positive = [p.difference for p in cv.scores if p.difference > 0]
-    if positive and max(positive) > 100 * min(positive):
-        smallest = 10.0 ** math.floor(math.log10(min(positive)))
+    if frame.x.scale == "symlog":
+        smallest = 10.0 ** math.floor(math.log10(min(p.difference for p in cv.scores if p.difference > 0)))
         ax.set_xscale("symlog", linthresh=smallest)
         ax.set_xlim(left=-smallest)
-    ax.set_xlabel("CV-WVIC above the best (± standard error)")
-    channel, count = cv.fits[0].wv.channels[0], cv.splits.shape[1]
-    ax.set_title(f"{channel}, {count} records; red: recommended, blue: equivalent", fontsize=10)
+    describe(ax, frame, fontsize=10)
     return figure

@@ -1,11 +1,29 @@
 """The figure of a recording."""
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, frames
-from gmwm_jax.plotting._style import DATA, FIT, MAX_POINTS, draw, pretty
+from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax.plotting._style import DATA, FIT, MAX_POINTS, TIME, draw, in_bins
 from gmwm_jax.recordings.recording import Recording
+
+
+def recording_data(rec: Recording) -> tuple[Frame, ...]:
+    """What `plot_recording` shows: a frame for each channel.
+
+    Parameters
+    ----------
+    rec
+        The recording.
+    """
+    t = rec.time()
+    title = f"{rec.name or 'recording'}: {len(rec):,} samples at {rec.rate:g} Hz".replace(",", "\u2009")
+    shown = []
+    for i, name in enumerate(rec.channels):
+        x = rec.data[:, i]
+        items = (Curve("", t, x),) if len(x) <= MAX_POINTS else in_bins(t, x)[1:]
+        shown.append(Frame("" if i else title, TIME, Axis(name, rec.units[i]), items))
+    return tuple(shown)
 
 
 @draw.register(Recording)
@@ -19,26 +37,19 @@ def plot_recording(rec: Recording, *, axes: GivenAxes | None = None) -> Figure:
     axes
         An Axes for each channel to draw into; a new figure if left out.
     """
-    figure, drawn = frames(axes, rec.num_channels, 1, (9, 1.2 + 1.6 * rec.num_channels), sharex=True)
-    for ax, (i, name) in zip(drawn, enumerate(rec.channels), strict=True):
-        x = rec.data[:, i]
-        if len(x) <= MAX_POINTS:
-            ax.plot(rec.time(), x, color=DATA, lw=0.7)
-        else:
-            size = -(-len(x) // (MAX_POINTS // 2))
-            first = np.arange(0, len(x), size)  # the last bin may be shorter; no sample is left out
-            count = np.diff(first, append=len(x))
-            t = (first + (count - 1) / 2) / rec.rate
-            low, high = np.fmin.reduceat(x, first), np.fmax.reduceat(x, first)
-            ax.fill_between(t, low, high, color=DATA, alpha=0.45, lw=0, label="min .. max")
-            with np.errstate(invalid="ignore"):  # none there: no mean
-                mean = np.add.reduceat(np.nan_to_num(x), first) / np.add.reduceat(~np.isnan(x), first, dtype=float)
-            ax.plot(t, mean, color=FIT, lw=0.7, label=f"mean of {size} samples")
-        ax.set_ylabel(f"{name}\n[{pretty(rec.units[i])}]")
+    shown = recording_data(rec)
+    figure, drawn = frames(axes, len(shown), 1, (9, 1.2 + 1.6 * len(shown)), sharex=True)
+    for ax, frame in zip(drawn, shown, strict=True):
+        describe(ax, frame, apart="\n")
+        for item in frame.items:
+            if isinstance(item, Band):
+                put(ax, item, color=DATA, alpha=0.45)
+            else:
+                put(ax, item, color=FIT if len(frame.items) > 1 else DATA, lw=0.7)
         ax.margins(x=0)
-    if len(rec) > MAX_POINTS:
+    if len(shown[0].items) > 1:
         drawn[0].legend(loc="upper right", fontsize=8, ncols=2)
-    drawn[-1].set_xlabel("time [s]")
-    drawn[0].set_title(f"{rec.name or 'recording'}: {len(rec):,} samples at {rec.rate:g} Hz".replace(",", "\u2009"))
+    for ax in drawn[:-1]:
+        ax.set_xlabel("")
     figure.align_ylabels()
     return figure

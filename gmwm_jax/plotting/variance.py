@@ -5,7 +5,8 @@ from itertools import cycle
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes
+from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame, Item, Mark, Points, Span
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax.fitting.slopes import SlopeRegression
 from gmwm_jax.plotting._style import (
     COMPONENTS,
@@ -14,22 +15,45 @@ from gmwm_jax.plotting._style import (
     FIT,
     Datasheet,
     by_unit,
-    coloured,
+    datasheet_items,
     draw,
     draw_datasheet,
     draw_variance,
-    finish_variance,
+    draw_variances,
+    finish_log_log,
     large_and_small,
     legend,
     lowest,
-    pretty,
-    time_label,
+    members_by_unit,
+    scale_axis,
     title_of,
-    unit_frames,
+    variance_axis,
+    variance_items,
 )
 from gmwm_jax.variance.allan import AllanDeviation
 from gmwm_jax.variance.robust_comparison import RobustComparison
 from gmwm_jax.variance.wavelet import WaveletVariance
+
+
+def wavelet_variance_data(wv: WaveletVariance, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
+    """What `plot_wavelet_variance` shows: a frame for each unit.
+
+    Parameters
+    ----------
+    wv
+        Wavelet variance of one or several channels.
+    datasheet
+        A model of what the datasheet promises; by unit if there are several.
+    """
+    models = by_unit(datasheet, wv.units)
+    shown = []
+    for unit, members in members_by_unit(wv).items():
+        items: list[Item] = []
+        for i in members:
+            items += variance_items(wv[i], "wavelet variance" if len(members) == 1 else wv.channels[i])
+        items += datasheet_items(wv[members[0]], models)
+        shown.append(Frame(title_of(wv, members), scale_axis(wv), variance_axis(unit), tuple(items)))
+    return tuple(shown)
 
 
 @draw.register(WaveletVariance)
@@ -47,16 +71,42 @@ def plot_wavelet_variance(
     axes
         An Axes for each unit to draw into; a new figure if left out.
     """
-    models = by_unit(datasheet, wv.units)
-    figure, drawn = unit_frames(wv, axes)
-    for frame, unit, members in drawn:
-        for colour, i, label in coloured(wv, members, "wavelet variance"):
-            draw_variance(frame, wv[i], colour, label)
-        if unit in models:
-            draw_datasheet(frame, wv[members[0]], models[unit])
-        finish_variance(frame, wv, unit)
-        frame.set_title(title_of(wv, members))
+    shown = wavelet_variance_data(wv, datasheet=datasheet)
+    figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))
+    for ax, frame in zip(drawn, shown, strict=True):
+        draw_datasheet(ax, draw_variances(ax, frame))
+        legend(ax, wv.level)
     return figure
+
+
+def robust_comparison_data(
+    comparison: RobustComparison, *, cleaned: WaveletVariance | None = None
+) -> tuple[Frame, Frame]:
+    """What `plot_robust_comparison` shows: the variances, and their difference in standard errors.
+
+    Parameters
+    ----------
+    comparison
+        Of one channel.
+    cleaned
+        The wavelet variance of the same channel without its outliers, see `mask_outliers`.
+    """
+    classic, robust, differs = comparison.classic, comparison.robust, comparison.significant
+    items = variance_items(classic, "classic") + variance_items(robust, f"robust, efficiency {robust.efficiency:g}")
+    if cleaned is not None:
+        items += variance_items(cleaned, f"cleaned: {cleaned.missing or 'none missing'}")
+    share = 100 * comparison.num_outliers / (classic.num_samples or 1)
+    title = f"{title_of(classic, [0])}: {comparison.num_outliers} outlying samples ({share:.2g} %)"
+    z = (
+        Span("± 2 standard errors of a clean record", -2.0, 2.0, "y"),
+        Mark("", 0.0, "y"),
+        Points("", classic.times[~differs], comparison.z[~differs]),
+        Points("differs", classic.times[differs], comparison.z[differs]),
+    )
+    return (
+        Frame(title, scale_axis(classic), variance_axis(classic.units[0]), tuple(items)),
+        Frame("", scale_axis(classic), Axis("log(classic/robust)", "standard errors", "symlog"), z),
+    )
 
 
 @draw.register(RobustComparison)
@@ -74,26 +124,53 @@ def plot_robust_comparison(
     axes
         Two Axes to draw into; a new figure if left out.
     """
+    above, below = robust_comparison_data(comparison, cleaned=cleaned)
     figure, (top, bottom) = large_and_small(axes)
-    classic, robust = comparison.classic, comparison.robust
-    draw_variance(top, classic, DATA, "classic")
-    draw_variance(top, robust, FIT, f"robust, efficiency {robust.efficiency:g}")
-    if cleaned is not None:
-        draw_variance(top, cleaned, DATASHEET, f"cleaned: {cleaned.missing or 'none missing'}")
-    finish_variance(top, classic, classic.units[0])
+    finish_log_log(top, above)
+    for i, colour in zip(range(0, len(above.items), 2), (DATA, FIT, DATASHEET), strict=False):
+        draw_variance(top, above.items[i : i + 2], colour)
+    top.set_title(above.title, fontsize=10)
     top.set_xlabel("")
-    share = 100 * comparison.num_outliers / (classic.num_samples or 1)
-    top.set_title(f"{title_of(classic, [0])}: {comparison.num_outliers} outlying samples ({share:.2g} %)", fontsize=10)
-    differs = comparison.significant
-    bottom.axhspan(-2, 2, color="0.5", alpha=0.15, lw=0, label="± 2 standard errors of a clean record")
-    bottom.axhline(0, color="0.4", lw=0.8)
-    bottom.plot(classic.times[~differs], comparison.z[~differs], "o", color="0.4", ms=4)
-    bottom.plot(classic.times[differs], comparison.z[differs], "o", color=FIT, ms=4, label="differs")
-    bottom.set_yscale("symlog", linthresh=4)
-    bottom.set_ylabel("log(classic/robust)\n[standard errors]")
-    bottom.set_xlabel(time_label(classic))
+    legend(top, comparison.classic.level)
+    describe(bottom, below, apart="\n")
+    clean, zero, same, differs = below.items
+    put(bottom, clean, color="0.5", alpha=0.15)
+    put(bottom, zero, color="0.4", lw=0.8)
+    put(bottom, same, marker="o", ls="", color="0.4", ms=4)
+    put(bottom, differs, marker="o", ls="", color=FIT, ms=4)
+    bottom.set_xscale(below.x.scale)
+    bottom.set_yscale(below.y.scale, linthresh=4)
     bottom.legend(fontsize=8, loc="best")
     return figure
+
+
+def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | None = None) -> tuple[Frame, ...]:
+    """What `plot_allan_deviation` shows: a frame for each unit.
+
+    Parameters
+    ----------
+    adev
+        One or several channels.
+    regression
+        Slopes, and the deviation they imply together; of one channel.
+    """
+    wv = adev.wv
+    if regression is not None and not wv.is_single:
+        raise ValueError(f"Slopes belong to one channel: choose it, as in adev[{wv.channels[0]!r}].plot(...).")
+    shown = []
+    for unit, members in members_by_unit(wv).items():
+        items: list[Item] = []
+        for i in members:
+            one, label = adev[i], "overlapping Allan deviation" if len(members) == 1 else wv.channels[i]
+            items += [Band("", one.times, one.ci_low, one.ci_high), Curve(label, one.times, one.deviation)]
+        if regression is not None:
+            times, tau = regression.adev.times, regression.adev.wv.scales
+            for label, p in zip(regression.model.labels, regression.model.processes, strict=True):
+                items.append(Curve(label, times, np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))))
+            items.append(Curve("sum", times, np.asarray(regression.implied_deviation)))
+        time, deviation = Axis("averaging time T", "s", "log"), Axis("Allan deviation", unit, "log")
+        shown.append(Frame(title_of(wv, members), time, deviation, tuple(items)))
+    return tuple(shown)
 
 
 @draw.register(AllanDeviation)
@@ -111,26 +188,13 @@ def plot_allan_deviation(
     axes
         An Axes for each unit to draw into; a new figure if left out.
     """
-    wv = adev.wv
-    if regression is not None and not wv.is_single:
-        raise ValueError(f"Slopes belong to one channel: choose it, as in adev[{wv.channels[0]!r}].plot(...).")
-    figure, drawn = unit_frames(wv, axes)
-    for frame, unit, members in drawn:
-        for colour, i, label in coloured(wv, members, "overlapping Allan deviation"):
-            one = adev[i]
-            frame.fill_between(one.times, one.ci_low, one.ci_high, color=colour, alpha=0.18, lw=0)
-            frame.loglog(one.times, one.deviation, "o-", color=colour, ms=3.5, lw=1, label=label)
-        if regression is not None:
-            times, tau = regression.adev.times, regression.adev.wv.scales
-            for colour, label, p in zip(
-                cycle(COMPONENTS), regression.model.labels, regression.model.processes, strict=False
-            ):
-                line = np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))
-                frame.loglog(times, line, "--", color=colour, lw=1, label=label)
-            frame.loglog(times, regression.implied_deviation, color=FIT, lw=1.4, label="sum")
-            frame.set_ylim(lowest(adev.ci_low, adev.deviation) / 3, np.max(adev.ci_high) * 3)
-        frame.set_xlabel("averaging time T [s]")
-        frame.set_ylabel(f"Allan deviation [{pretty(unit)}]")
-        frame.set_title(title_of(wv, members))
-        legend(frame, wv.level)
+    shown = allan_deviation_data(adev, regression=regression)
+    figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))
+    for ax, frame in zip(drawn, shown, strict=True):
+        if slopes := draw_variances(ax, frame):
+            for item, colour in zip(slopes[:-1], cycle(COMPONENTS), strict=False):
+                put(ax, item, color=colour, lw=1, ls="--")
+            put(ax, slopes[-1], color=FIT, lw=1.4)
+            ax.set_ylim(lowest(adev.ci_low, adev.deviation) / 3, np.max(adev.ci_high) * 3)
+        legend(ax, adev.wv.level)
     return figure

@@ -4,10 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
+from drawn import assert_shows
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 import gmwm_jax
+from gmwm_jax import plotting
 from gmwm_jax.plotting import plot_allan_deviation, plot_fit, plot_fits, plot_recording, plot_wavelet_variance
 
 pytestmark = pytest.mark.usefixtures("rendered_figures")
@@ -76,7 +78,8 @@ def test_a_long_recording_is_drawn_as_ranges_that_leave_no_sample_out(rec):
     bins = [x[i : i + size] for i in range(0, 9001, size)]
     t = [(i * size + (len(b) - 1) / 2) / 100 for i, b in enumerate(bins)]
     assert_line(ax, "mean of 5 samples", t, [b.mean() for b in bins])
-    assert_band(ax, t, [b.min() for b in bins], [b.max() for b in bins])
+    middle = [(i * size / 100 + (i * size + len(b) - 1) / 100) / 2 for i, b in enumerate(bins)]  # rounded as there
+    assert_band(ax, middle, [b.min() for b in bins], [b.max() for b in bins])
     assert legend(ax) == ["min .. max", "mean of 5 samples"]
     assert ax.get_ylim()[0] < -5
     assert ax.get_ylim()[1] > 7
@@ -234,6 +237,51 @@ def test_an_interval_that_starts_at_zero_has_no_place_on_a_logarithmic_axis():
     fit = gmwm_jax.fit(wv, "WN")
     for figure in (plot_wavelet_variance(wv), plot_fit(fit)):
         assert figure.axes[0].get_ylim()[0] > 0
+
+
+def test_what_is_drawn_is_what_the_data_say(rec, wv, fits):
+    short = gmwm_jax.Recording.from_array(rec.data[:50], rate=20.0, units=rec.units, channels=rec.channels)
+    one, adev = wv["gyro_x"], gmwm_jax.allan_deviation(wv)
+    slopes = {"regression": gmwm_jax.fitting.slope_regression(adev["gyro_x"], {"WN": (0.1, 1.0), "RW": (2.0, 10.0)})}
+    promise = {"datasheet": {"rad/s": DATASHEET}}
+    for result, data, options in (
+        (rec, plotting.recording_data, {}),
+        (short, plotting.recording_data, {}),
+        (wv, plotting.wavelet_variance_data, promise),
+        (one, plotting.wavelet_variance_data, {}),
+        (gmwm_jax.variance.compare_robust(rec["gyro_x"]), plotting.robust_comparison_data, {"cleaned": one}),
+        (adev, plotting.allan_deviation_data, {}),
+        (adev["gyro_x"], plotting.allan_deviation_data, slopes),
+        (fits["gyro_x"], plotting.fit_data, promise),
+    ):
+        assert_shows(result.plot(**options), data(result, **options))
+
+
+def test_data_of_a_fit_are_those_of_the_result(fits):
+    fit = fits["accel_x"]
+    above, below = plotting.fit_data(fit)
+    assert (above.x, above.y.unit, below.y.unit) == (("scale τ", "s", "log", ()), "(m/s^2)^2", "half CI")
+    band, data, model, *parts = above.items
+    np.testing.assert_array_equal(band.high, fit.wv.ci_high)
+    np.testing.assert_array_equal(data.y, fit.wv.variance)
+    np.testing.assert_allclose(sum(part.y for part in parts if len(part.y)), model.y, rtol=1e-10)
+    panels = plotting.fits_data(fits)
+    assert [f.title for f in panels[::2]] == [ax.get_title() for ax in plot_fits(fits).axes[::2]]
+    for frame, own in zip(panels[4].items, above.items, strict=True):
+        np.testing.assert_array_equal(frame[1:], own[1:])
+
+
+def test_every_figure_draws_into_given_axes(rec, wv, fits):
+    """As many as it has frames; they are not the figure's own, so that it gets no title and no legend of its own."""
+    adev, robust = gmwm_jax.allan_deviation(wv), gmwm_jax.variance.compare_robust(rec["gyro_x"])
+    for result, shape in ((rec, (3, 1)), (wv, (1, 2)), (adev, (1, 2)), (robust, (2, 1)), (fits, (2, 3))):
+        axes = Figure().subplots(*shape)
+        figure = result.plot(axes=axes)
+        assert figure is axes.flat[0].get_figure()
+        assert len(figure.axes) == axes.size
+        assert not figure.legends
+        with pytest.raises(ValueError, match=f"has {axes.size} frames and draws into as many Axes; axes= has 1"):
+            result.plot(axes=axes.flat[0])
 
 
 def test_results_plot_themselves(rec, wv, fits):
