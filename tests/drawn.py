@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Rectangle
 
-from gmwm_jax._internal.figure_data import Band, Bars, Curve, Histogram, Mark, Points, Span
+from gmwm_jax._internal.figure_data import Band, Bars, Histogram, Line, Mark, Points, Span
 
 
 def assert_shows(figure, frames):
@@ -21,7 +21,8 @@ def assert_shows(figure, frames):
             assert scale == axis.scale, text
         assert not frame.x.names
         if frame.y.names:
-            assert [t.get_text() for t in ax.get_yticklabels()] == list(frame.y.names)
+            rows = [t.get_text() for t in ax.get_yticklabels()] or [t.get_text() for t in ax.texts]
+            assert rows == list(frame.y.names)
         assert ax.get_title() == frame.title
         for item in frame.items:
             assert is_drawn(ax, item), (frame.title, item)
@@ -36,8 +37,10 @@ def is_drawn(ax, item):
     if not named:
         return False
     match item:
-        case Curve() | Points():
-            return any(same(a.get_xydata(), np.transpose(item[1:])) for a in named if a in ax.lines)
+        case Line() | Points():
+            if isinstance(item, Points) and item.names and [t.get_text() for t in ax.texts] != list(item.names):
+                return False
+            return any(same(a.get_xydata(), np.transpose(item[1:3])) for a in named if a in ax.lines)
         case Band():
             corners = np.concatenate([np.stack([item.x, end], axis=1) for end in (item.low, item.high)])
             bands = [a.get_paths() for a in named if isinstance(a, PolyCollection)]

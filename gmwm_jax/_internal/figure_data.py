@@ -16,8 +16,8 @@ class Axis(NamedTuple):
     """Of the whole numbers from 0, where they stand for something."""
 
 
-class Curve(NamedTuple):
-    """A line through points."""
+class Line(NamedTuple):
+    """A line through points in their order."""
 
     label: str
     x: np.ndarray
@@ -30,6 +30,8 @@ class Points(NamedTuple):
     label: str
     x: np.ndarray
     y: np.ndarray
+    names: tuple[str, ...] = ()
+    """Of the points, if they have names."""
 
 
 class Band(NamedTuple):
@@ -79,7 +81,7 @@ class Span(NamedTuple):
     """The axis that has the interval."""
 
 
-Item = Curve | Points | Band | Bars | Histogram | Mark | Span
+Item = Line | Points | Band | Bars | Histogram | Mark | Span
 
 
 class Frame(NamedTuple):

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figure_data import Band, Bars, Curve, Frame, Histogram, Item, Mark, Points, Span
+from gmwm_jax._internal.figure_data import Band, Bars, Frame, Histogram, Item, Line, Mark, Points, Span
 from gmwm_jax._internal.typing import Real
 
 GivenAxes = Axes | Sequence[Axes] | np.ndarray
@@ -132,7 +132,7 @@ def put(ax: Axes, item: Item, **style: Any) -> Any:
     """Draw one item of a frame."""
     style["label"] = item.label or None
     match item:
-        case Curve() | Points():
+        case Line() | Points():
             return ax.plot(item.x, item.y, **style)
         case Band():
             return ax.fill_between(item.x, item.low, item.high, lw=0, **style)

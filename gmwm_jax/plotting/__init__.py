@@ -2,8 +2,8 @@
 
 A result draws itself by them: ``fit.plot(datasheet=...)`` is ``plot_fit(fit, datasheet=...)``. A new figure registers
 for its class of results by ``@draw.register(Result)``. All take ``axes=``: an Axes for each frame, in reading order.
-What ``plot_fit`` shows, ``fit_data`` returns as arrays with labels and units, a `Frame` for each pair of axes, and so do
-all others: any other library can draw the same.
+What ``plot_fit`` shows, ``fit_data`` returns as arrays with labels and units, a `Frame` for each pair of axes, and so
+do all others: another library can draw the same.
 
 No figure is known to pyplot: none is left open, a notebook shows one as the last expression of a cell and once, threads
 may draw at the same time. To see one in a window, draw into Axes of pyplot: ``fit.plot(axes=plt.subplots(2)[1])``.
@@ -12,9 +12,9 @@ may draw at the same time. To see one in a window, draw into Axes of pyplot: ``f
 from gmwm_jax._internal.figure_data import Axis as Axis
 from gmwm_jax._internal.figure_data import Band as Band
 from gmwm_jax._internal.figure_data import Bars as Bars
-from gmwm_jax._internal.figure_data import Curve as Curve
 from gmwm_jax._internal.figure_data import Frame as Frame
 from gmwm_jax._internal.figure_data import Histogram as Histogram
+from gmwm_jax._internal.figure_data import Line as Line
 from gmwm_jax._internal.figure_data import Mark as Mark
 from gmwm_jax._internal.figure_data import Points as Points
 from gmwm_jax._internal.figure_data import Span as Span

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.drawing import registry
-from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame, Item
+from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, new_figure, put
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -41,14 +41,14 @@ def variance_axis(unit: str) -> Axis:
 
 def variance_items(wv: WaveletVariance, label: str) -> list[Item]:
     """Wavelet variance of one channel with its interval."""
-    return [Band("", wv.times, wv.ci_low, wv.ci_high), Curve(label, wv.times, wv.variance)]
+    return [Band("", wv.times, wv.ci_low, wv.ci_high), Line(label, wv.times, wv.variance)]
 
 
 def datasheet_items(wv: WaveletVariance, models: Mapping[str, Composite]) -> list[Item]:
     """What the datasheet promises for the unit of one channel, if it says something of it."""
     if wv.units[0] not in models:
         return []
-    return [Curve("datasheet", wv.times, np.asarray(models[wv.units[0]].wavelet_variance(wv.scales)))]
+    return [Line("datasheet", wv.times, np.asarray(models[wv.units[0]].wavelet_variance(wv.scales)))]
 
 
 def dense_scales(wv: WaveletVariance) -> np.ndarray:
@@ -61,7 +61,7 @@ def in_half_widths(wv: WaveletVariance, residuals: np.ndarray) -> np.ndarray:
     return residuals / np.where(residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
 
 
-def in_bins(t: np.ndarray, x: np.ndarray) -> tuple[int, Band, Curve]:
+def in_bins(t: np.ndarray, x: np.ndarray) -> tuple[int, Band, Line]:
     """A long record as the range and the mean of the samples in each of a few thousand bins; NaN are missing ones.
 
     Also the number of samples in a bin; the last may have fewer, no sample is left out.
@@ -72,7 +72,7 @@ def in_bins(t: np.ndarray, x: np.ndarray) -> tuple[int, Band, Curve]:
     with np.errstate(invalid="ignore"):  # none there: no mean
         mean = np.add.reduceat(np.nan_to_num(x), first) / np.add.reduceat(~np.isnan(x), first, dtype=float)
     band = Band("min .. max", at, np.fmin.reduceat(x, first), np.fmax.reduceat(x, first))
-    return size, band, Curve(f"mean of {size} samples", at, mean)
+    return size, band, Line(f"mean of {size} samples", at, mean)
 
 
 def draw_variance(ax: Axes, items: Sequence[Item], colour: str) -> None:

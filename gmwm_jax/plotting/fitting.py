@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figure_data import Axis, Curve, Frame, Mark, Points, Span
+from gmwm_jax._internal.figure_data import Axis, Frame, Line, Mark, Points, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, put, shared_legend
 from gmwm_jax.fitting.result import Fit, Fits
 from gmwm_jax.plotting._style import (
@@ -49,12 +49,12 @@ def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Fr
     wv, dense = fit.wv, dense_scales(fit.wv)
     t = dense / (wv.rate or 1.0)
     items = variance_items(wv, "wavelet variance")
-    items.append(Curve("fit", t, np.asarray(fit.model.wavelet_variance(dense))))
+    items.append(Line("fit", t, np.asarray(fit.model.wavelet_variance(dense))))
     for label, p in zip(fit.model.labels, fit.model.processes, strict=True):
         if float(p.amplitude) > 0:
-            items.append(Curve(label, t, np.asarray(p.wavelet_variance(dense))))
+            items.append(Line(label, t, np.asarray(p.wavelet_variance(dense))))
         else:
-            items.append(Curve(f"{label}{_ZERO}", _NONE, _NONE))
+            items.append(Line(f"{label}{_ZERO}", _NONE, _NONE))
     items += datasheet_items(wv, by_unit(datasheet, wv.units))
     kinds = Counter(p.kind for p in fit.model.processes)
     model = " + ".join(kind if count == 1 else f"{count} {kind}" for kind, count in kinds.items())

@@ -7,7 +7,7 @@ from itertools import cycle
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figure_data import Axis, Band, Bars, Curve, Frame, Histogram, Item, Mark, Span
+from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Histogram, Item, Line, Mark, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.multisignal.comparison import RecordComparison
@@ -52,9 +52,9 @@ def joint_fit_data(joint: JointFit) -> tuple[Frame, Frame]:
     few = len(joint.records) <= _MOST_NAMES
     for i, (name, r) in enumerate(zip(joint.names, joint.records, strict=True)):
         label = (f"record {name}" if name.isdigit() else name) if few else "records" if i == 0 else ""
-        above.append(Curve(label, r.wv.times, r.wv.variance))
-        below.append(Curve("", r.wv.times, in_half_widths(r.wv, r.residuals)))
-    above.append(Curve("joint fit", t, np.asarray(joint.model.wavelet_variance(dense))))
+        above.append(Line(label, r.wv.times, r.wv.variance))
+        below.append(Line("", r.wv.times, in_half_widths(r.wv, r.residuals)))
+    above.append(Line("joint fit", t, np.asarray(joint.model.wavelet_variance(dense))))
     model = f"{' + '.join(joint.model.labels)}, objective {joint.objective:.5g}"
     title = f"{joint.wv.channels[0]}, {len(joint.records)} records: {model}"
     return (

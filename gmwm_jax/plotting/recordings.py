@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame
+from gmwm_jax._internal.figure_data import Axis, Band, Frame, Line
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax.plotting._style import DATA, FIT, MAX_POINTS, TIME, draw, in_bins
 from gmwm_jax.recordings.recording import Recording
@@ -21,7 +21,7 @@ def recording_data(rec: Recording) -> tuple[Frame, ...]:
     shown = []
     for i, name in enumerate(rec.channels):
         x = rec.data[:, i]
-        items = (Curve("", t, x),) if len(x) <= MAX_POINTS else in_bins(t, x)[1:]
+        items = (Line("", t, x),) if len(x) <= MAX_POINTS else in_bins(t, x)[1:]
         shown.append(Frame("" if i else title, TIME, Axis(name, rec.units[i]), items))
     return tuple(shown)
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame, Item, Mark, Points
+from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line, Mark, Points
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax.plotting._style import DATA, FIT, MAX_POINTS, TIME, draw, in_bins
 from gmwm_jax.plotting.fitting import fit_data, plot_fit
@@ -23,7 +23,7 @@ def regression_data(regression: Regression) -> tuple[Frame, Frame, Frame, Frame]
     name = regression.noise.wv.channels[0]
     missing = f", {regression.num_missing} missing" if regression.num_missing else ""
     noise, pulls = fit_data(regression.noise)
-    fitted = Curve("fit", t, regression.fitted)
+    fitted = Line("fit", t, regression.fitted)
     data = Frame(
         f"{name}: {len(t)} samples{missing}", TIME, Axis(name, unit), (_samples("data", t, regression.data), fitted)
     )

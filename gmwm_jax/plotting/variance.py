@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figure_data import Axis, Band, Curve, Frame, Item, Mark, Points, Span
+from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line, Mark, Points, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax.fitting.slopes import SlopeRegression
 from gmwm_jax.plotting._style import (
@@ -162,12 +162,12 @@ def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | 
         items: list[Item] = []
         for i in members:
             one, label = adev[i], "overlapping Allan deviation" if len(members) == 1 else wv.channels[i]
-            items += [Band("", one.times, one.ci_low, one.ci_high), Curve(label, one.times, one.deviation)]
+            items += [Band("", one.times, one.ci_low, one.ci_high), Line(label, one.times, one.deviation)]
         if regression is not None:
             times, tau = regression.adev.times, regression.adev.wv.scales
             for label, p in zip(regression.model.labels, regression.model.processes, strict=True):
-                items.append(Curve(label, times, np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))))
-            items.append(Curve("sum", times, np.asarray(regression.implied_deviation)))
+                items.append(Line(label, times, np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))))
+            items.append(Line("sum", times, np.asarray(regression.implied_deviation)))
         time, deviation = Axis("averaging time T", "s", "log"), Axis("Allan deviation", unit, "log")
         shown.append(Frame(title_of(wv, members), time, deviation, tuple(items)))
     return tuple(shown)

@@ -1,6 +1,6 @@
 """What the figures share: colours, grids, shaded outages, axes, and the registry at which figures register."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from gmwm_jax._internal.drawing import registry
-from gmwm_jax._internal.figures import GivenAxes, frames
+from gmwm_jax._internal.figure_data import Axis, Frame, Item, Span
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 
 draw = registry("nav_jax")
 """Draw a result by the function that has registered for its class: ``draw(result, **options)`` is `result.plot`."""
@@ -19,27 +20,47 @@ COLOURS = ("#1f4e79", "#c23b22", "#2a8f8f", "#e08e0b", "#7a4f9a", "#5b8c2a", "#b
 
 INK = "0.25"
 DEGREES = 180 / np.pi
+TIME = Axis("time", "s")
 _OUTAGE = "#f3e3c3"
 _MANY = 500
 """Of a logarithmic axis that spans more, only powers of ten have room for a number."""
 
 
-def plan_and_height(axes: GivenAxes | None) -> tuple[Figure, list[Axes]]:
+def plan_frame(items: Iterable[Item], title: str = "plan") -> Frame:
+    """Seen from above."""
+    return Frame(title, Axis("east", "m"), Axis("north", "m"), tuple(items))
+
+
+def height_frame(items: Iterable[Item]) -> Frame:
+    """Height over time."""
+    return Frame("height", TIME, Axis("height", "m"), tuple(items))
+
+
+def plan_and_height(axes: GivenAxes | None, shown: Sequence[Frame]) -> tuple[Figure, list[Axes]]:
     """Two labelled frames: a plan with one scale for both axes, and height over time."""
     figure, chosen = frames(axes, 1, 2, (10.5, 4.8))
-    plan, height = chosen
-    plan.set(xlabel="east [m]", ylabel="north [m]", title="plan")
-    plan.set_aspect("equal", adjustable="datalim")
-    height.set(xlabel="time [s]", ylabel="height [m]", title="height")
-    for ax in (plan, height):
+    for ax, frame in zip(chosen, shown, strict=True):
+        describe(ax, frame)
         grid(ax)
+    chosen[0].set_aspect("equal", adjustable="datalim")
     return figure, chosen
 
 
-def shade(ax: Axes, outages: Iterable[tuple[float, float]], *, label: bool = True) -> None:
-    """The outages as bands behind everything, one entry for all of them in the legend."""
-    for i, (start, end) in enumerate(outages):
-        ax.axvspan(start, end, color=_OUTAGE, lw=0, zorder=0, label="outage" if label and i == 0 else None)
+def outage_items(outages: Iterable[tuple[float, float]]) -> list[Item]:
+    """The outages, one entry for all of them in a legend."""
+    return [Span("" if i else "outage", start, end) for i, (start, end) in enumerate(outages)]
+
+
+def shade(ax: Axes, frame: Frame) -> None:
+    """Draw the outages of a frame, behind everything."""
+    for item in frame.items:
+        if isinstance(item, Span) and item.of == "x":
+            put(ax, item, color=_OUTAGE, zorder=0)
+
+
+def without_outages(frame: Frame) -> list[Item]:
+    """The items of a frame but for its outages."""
+    return [item for item in frame.items if not (isinstance(item, Span) and item.of == "x")]
 
 
 def grid(ax: Axes) -> None:
@@ -58,8 +79,9 @@ def logarithmic(ax: Axes, which: Literal["x", "y"] = "y") -> None:
     axis.set_minor_formatter(StrMethodFormatter("{x:g}") if high < _MANY * low else NullFormatter())
 
 
-def along_time(ax: Axes, outages: Iterable[tuple[float, float]]) -> None:
-    shade(ax, outages)
+def along_time(ax: Axes, frame: Frame) -> None:
+    """Outages, a grid, and the whole width for the time."""
+    shade(ax, frame)
     ax.margins(x=0)
     grid(ax)
     time_below(ax)
@@ -69,7 +91,8 @@ def time_below(ax: Axes) -> None:
     """Frames that share their time have it under the lowest."""
     spec = ax.get_subplotspec()
     if len(ax.get_shared_x_axes().get_siblings(ax)) == 1 or (spec and spec.is_last_row()):
-        ax.set_xlabel("time [s]")
+        return
+    ax.set_xlabel("")
 
 
 def positive(x: np.ndarray) -> np.ndarray:

@@ -11,8 +11,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, frames
-from nav_jax.plotting._style import COLOURS, DEGREES, draw, grid, logarithmic, shade
+from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Item, Line, Mark, Points, Span
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from nav_jax.plotting._style import (
+    COLOURS,
+    DEGREES,
+    TIME,
+    draw,
+    grid,
+    logarithmic,
+    outage_items,
+    shade,
+    without_outages,
+)
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.ranking import Ranking, common_runs
 from nav_jax.simulation.runs import Runs
@@ -23,6 +34,28 @@ Models = Comparison | Runs | Mapping[str, Runs]
 """One model or several on common random numbers."""
 
 _CONSISTENT = "0.82"
+
+
+def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) -> tuple[Frame, Frame]:
+    """What `plot_mean_errors` shows: position and orientation, a band and a line for each model.
+
+    Parameters
+    ----------
+    models
+        One or several; only runs in which none of them failed count.
+    log
+        Logarithmic errors.
+    level
+        Of the bands, pointwise.
+    """
+    by_name, chosen = _common(models)
+    scale = "log" if log else "linear"
+    position = {name: mean_norm(r.errors("position", chosen), level) for name, r in by_name.items()}
+    attitude = {name: mean_norm(r.errors("attitude", chosen), level) for name, r in by_name.items()}
+    return (
+        _mean_frame("position error", Axis("mean position error", "m", scale), by_name, position),
+        _mean_frame("orientation error", Axis("mean orientation error", "deg", scale), by_name, attitude, DEGREES),
+    )
 
 
 def plot_mean_errors(
@@ -41,20 +74,54 @@ def plot_mean_errors(
     axes
         Two Axes to draw into; a new figure if left out.
     """
-    by_name, chosen = _common(models)
-    figure, (left, right) = frames(axes, 1, 2, (10.5, 4.4), sharex=True)
-    for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False):
-        _draw_curve(left, r.time, mean_norm(r.errors("position", chosen), level), colour, name)
-        _draw_curve(right, r.time, mean_norm(r.errors("attitude", chosen), level), colour, name, DEGREES)
-    left.set(ylabel="mean position error [m]", title="position error")
-    right.set(ylabel="mean orientation error [deg]", title="orientation error")
-    for ax in (left, right):
+    shown = mean_errors_data(models, log=log, level=level)
+    figure, drawn = frames(axes, 1, 2, (10.5, 4.4), sharex=True)
+    for ax, frame in zip(drawn, shown, strict=True):
+        _draw_means(ax, frame)
         if log:
             logarithmic(ax)
         else:
             ax.set_ylim(bottom=0)
-        _finish(ax, by_name, f"{len(chosen)} runs, band: {100 * level:g} % interval")
+        _finish(ax, frame, f"{len(_common(models)[1])} runs, band: {100 * level:g} % interval")
     return figure
+
+
+def consistency_data(
+    models: Models, *, groups: Sequence[str] = ("position", "pose", "navigation"), level: float = 0.95
+) -> tuple[Frame, ...]:
+    """What `plot_consistency` shows: NEES of each group of states, then coverage of each group.
+
+    Parameters
+    ----------
+    models
+        One or several; only runs in which none of them failed count.
+    groups
+        A model without states in a group is left out there.
+    level
+        Of the bands, and of the region whose coverage is counted.
+    """
+    by_name, chosen = _common(models)
+    above, below = [], []
+    for group in groups:
+        shown = _with_states(by_name, group)
+        dofs = sorted({r.dof[group] for r in shown.values()})
+        nees: list[Item] = []
+        covered: list[Item] = []
+        for name, r in shown.items():
+            known, dof = r.known_epochs(group), r.dof[group]
+            squares, t = r.select(r.nees[group], chosen)[:, known], r.time[known]
+            mean, share = mean_nees(squares, dof, level), coverage(squares, dof, level, level)
+            if not nees:
+                nees.append(Span("consistent", mean.low / dof, mean.high / dof, "y"))
+                covered.append(Span("consistent", share.low, share.high, "y"))
+            nees.append(Line(f"{name}: {100 * mean.share_inside:.0f} % inside", t, mean.value / dof))
+            covered.append(Line(f"{name}: {100 * share.share_inside:.0f} % inside", t, share.value))
+        outages = outage_items(_outages(by_name))
+        title = f"{group}: {' or '.join(map(str, dofs)) or 'no'} states"
+        region = Axis(f"coverage of the {100 * level:g} % region", "1")
+        above.append(Frame(title, TIME, Axis("mean NEES / dof", "1"), (*nees, Mark("", 1.0, "y"), *outages)))
+        below.append(Frame("", TIME, region, (*covered, Mark("", level, "y"), *outages)))
+    return (*above, *below)
 
 
 def plot_consistency(
@@ -78,38 +145,61 @@ def plot_consistency(
         Two Axes a group to draw into, of shape (2, groups); a new figure if left out.
     """
     by_name, chosen = _common(models)
-    alone = axes is None
-    size = (1.5 + 4 * len(groups), 6.4)
-    figure, drawn = frames(axes, 2, len(groups), size, sharex=True)
-    for top, bottom, group in zip(drawn[: len(groups)], drawn[len(groups) :], groups, strict=True):
-        shown = {
-            name: (colour, r)
-            for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False)
-            if group in r.nees and r.known_epochs(group).any()
-        }
-        for position, (name, (colour, r)) in enumerate(shown.items()):
-            known = r.known_epochs(group)
-            squares, dof, t = r.select(r.nees[group], chosen)[:, known], r.dof[group], r.time[known]
-            nees, covered = mean_nees(squares, dof, level), coverage(squares, dof, level, level)
-            if position == 0:
-                top.axhspan(nees.low / dof, nees.high / dof, color=_CONSISTENT, lw=0, zorder=1, label="consistent")
-                bottom.axhspan(covered.low, covered.high, color=_CONSISTENT, lw=0, zorder=1, label="consistent")
-            share = f"{name}: {100 * nees.share_inside:.0f} % inside"
-            top.plot(t, nees.value / dof, color=colour, lw=1.2, label=share)
-            share = f"{name}: {100 * covered.share_inside:.0f} % inside"
-            bottom.plot(t, covered.value, color=colour, lw=1.2, label=share)
-        top.axhline(1.0, color="0.4", lw=0.7)
-        bottom.axhline(level, color="0.4", lw=0.7)
-        top.set(ylabel="mean NEES / dof [1]", title=f"{group}: {_dofs(shown, group)}")
-        bottom.set(ylabel=f"coverage of the {100 * level:g} % region [1]", ylim=(None, 1.02))
+    shown, num = consistency_data(models, groups=groups, level=level), len(groups)
+    figure, drawn = frames(axes, 2, num, (1.5 + 4 * num, 6.4), sharex=True)
+    colours = dict(zip(by_name, cycle(COLOURS), strict=False))
+    for i, (ax, frame) in enumerate(zip(drawn, shown, strict=True)):
+        nees = i < num
+        own = iter([colours[name] for name in _with_states(by_name, groups[i % num])])
+        for item in without_outages(frame):
+            match item:
+                case Span():
+                    put(ax, item, color=_CONSISTENT, zorder=1)
+                case Mark():
+                    put(ax, item, color="0.4", lw=0.7)
+                case _:
+                    put(ax, item, color=next(own), lw=1.2)
+        if not nees:
+            ax.set_ylim(None, 1.02)
+        _room(ax, above=nees)
         band = f"{len(chosen)} runs, grey: {100 * level:g} % band"
-        _room(top, above=True)
-        _room(bottom, above=False)
-        _finish(top, by_name, band, "upper left")
-        _finish(bottom, by_name, band, "lower left")
-        if alone:
-            top.set_xlabel("")
+        _finish(ax, frame, band, "upper left" if nees else "lower left")
+        if nees and axes is None:
+            ax.set_xlabel("")
     return figure
+
+
+def nis_data(models: Models, *, sensors: Sequence[str] | None = None, level: float = 0.95) -> tuple[Frame, ...]:
+    """What `plot_nis` shows: a frame for each aiding sensor.
+
+    Parameters
+    ----------
+    models
+        One or several; only runs in which none of them failed count.
+    sensors
+        All by default.
+    level
+        Of the band.
+    """
+    by_name, chosen = _common(models)
+    there = list(dict.fromkeys(s for r in by_name.values() for s in r.nis if len(r.nis_time[s])))
+    names = there if sensors is None else list(sensors)
+    if unknown := [s for s in names if s not in there]:
+        raise ValueError(f"There are no innovations of {', '.join(unknown)}, only of {', '.join(there) or 'nothing'}.")
+    if not names:
+        raise ValueError("There are no innovations to draw: these runs have no fixes.")
+    shown = []
+    for sensor in names:
+        items: list[Item] = []
+        for name, r in by_name.items():
+            if sensor in r.nis:
+                nis = mean_nees(r.select(r.nis[sensor], chosen), r.nis_dof[sensor], level)
+                label = f"{name}: {100 * nis.share_inside:.0f} % inside"
+                items.append(Points(label, r.nis_time[sensor], nis.value / nis.dof))
+                items.append(Span("", nis.low / nis.dof, nis.high / nis.dof, "y"))
+        items += [Mark("", 1.0, "y"), *outage_items(_outages(by_name))]
+        shown.append(Frame(sensor, TIME, Axis("mean NIS / dof", "1"), tuple(items)))
+    return tuple(shown)
 
 
 def plot_nis(
@@ -129,26 +219,51 @@ def plot_nis(
         An Axes for each sensor to draw into; a new figure if left out.
     """
     by_name, chosen = _common(models)
-    there = list(dict.fromkeys(s for r in by_name.values() for s in r.nis if len(r.nis_time[s])))
-    names = there if sensors is None else list(sensors)
-    if unknown := [s for s in names if s not in there]:
-        raise ValueError(f"There are no innovations of {', '.join(unknown)}, only of {', '.join(there) or 'nothing'}.")
-    if not names:
-        raise ValueError("There are no innovations to draw: these runs have no fixes.")
-    figure, drawn = frames(axes, len(names), 1, (8.5, 0.8 + 2.6 * len(names)), sharex=True)
-    for ax, sensor in zip(drawn, names, strict=True):
-        for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False):
-            if sensor not in r.nis:
-                continue
-            nis = mean_nees(r.select(r.nis[sensor], chosen), r.nis_dof[sensor], level)
-            label = f"{name}: {100 * nis.share_inside:.0f} % inside"
-            ax.plot(r.nis_time[sensor], nis.value / nis.dof, ".", color=colour, ms=3.5, label=label)
-            ax.axhspan(nis.low / nis.dof, nis.high / nis.dof, color=_CONSISTENT, lw=0, zorder=0.5)
-        ax.axhline(1.0, color="0.4", lw=0.7)
-        ax.set(ylabel="mean NIS / dof [1]", title=sensor)
+    shown = nis_data(models, sensors=sensors, level=level)
+    figure, drawn = frames(axes, len(shown), 1, (8.5, 0.8 + 2.6 * len(shown)), sharex=True)
+    for ax, frame in zip(drawn, shown, strict=True):
+        own = iter([c for c, r in zip(cycle(COLOURS), by_name.values(), strict=False) if frame.title in r.nis])
+        for item in without_outages(frame):
+            match item:
+                case Span():
+                    put(ax, item, color=_CONSISTENT, zorder=0.5)
+                case Mark():
+                    put(ax, item, color="0.4", lw=0.7)
+                case _:
+                    put(ax, item, color=next(own), marker=".", ls="", ms=3.5)
         _room(ax, above=True)
-        _finish(ax, by_name, f"{len(chosen)} runs, grey: {100 * level:g} % band", "upper left")
+        _finish(ax, frame, f"{len(chosen)} runs, grey: {100 * level:g} % band", "upper left")
     return figure
+
+
+def comparison_data(comparison: Comparison, *, at: float | None = None, level: float = 0.95) -> tuple[Frame, ...]:
+    """What `plot_comparison` shows: mean errors, energy score, consistency of the pose, and paired differences.
+
+    Parameters
+    ----------
+    comparison
+        The models.
+    at
+        Time in s at which they are judged, see `Comparison.table`.
+    level
+        Of all bands and intervals.
+    """
+    table = comparison.table(at, level)
+    by_name, chosen = _common(comparison)
+    scores = {
+        name: mean_curve(energy_score(r.errors("position", chosen), r.select(r.position_covariance, chosen)), level)
+        for name, r in by_name.items()
+    }
+    title = "energy score of the position (lower is better)"
+    nees, covered = consistency_data(comparison, groups=("pose",), level=level)
+    over_time = (
+        *mean_errors_data(comparison, level=level),
+        _mean_frame(title, Axis("mean energy score", "m"), by_name, scores),
+        nees._replace(title="NEES of position and attitude"),
+        covered._replace(title="coverage of position and attitude"),
+    )
+    judged = (frame._replace(items=(*frame.items, Mark("", table.time))) for frame in over_time)
+    return (*judged, _pairs(table))
 
 
 @draw.register(Comparison)
@@ -168,51 +283,81 @@ def plot_comparison(
     axes
         Six Axes to draw into, as in two rows of three; a new figure if left out.
     """
-    table = comparison.table(at, level)
     by_name, chosen = _common(comparison)
-    figure, (position, orientation, score, nees, covered, pairs) = frames(axes, 2, 3, (15, 8))
+    shown = comparison_data(comparison, at=at, level=level)
+    figure, drawn = frames(axes, 2, 3, (15, 8))
+    position, orientation, score, nees, covered, pairs = drawn
     plot_mean_errors(comparison, level=level, axes=(position, orientation))
-    for colour, (name, r) in zip(cycle(COLOURS), by_name.items(), strict=False):
-        each = energy_score(r.errors("position", chosen), r.select(r.position_covariance, chosen))
-        _draw_curve(score, r.time, mean_curve(each, level), colour, name)
-    score.set(ylabel="mean energy score [m]", title="energy score of the position (lower is better)")
+    _draw_means(score, shown[2])
     score.set_ylim(bottom=0)
-    _finish(score, by_name, f"{len(chosen)} runs, band: {100 * level:g} % interval")
+    _finish(score, shown[2], f"{len(chosen)} runs, band: {100 * level:g} % interval")
     plot_consistency(comparison, groups=("pose",), level=level, axes=(nees, covered))
-    nees.set_title("NEES of position and attitude")
-    covered.set_title("coverage of position and attitude")
-    for ax in (position, orientation, score, nees, covered):
-        ax.axvline(table.time, color="0.35", lw=0.9, ls=":")
-    _draw_pairs(pairs, table, dict(zip(by_name, cycle(COLOURS), strict=False)))
-    truth = f"; truth: {comparison.truth.splitlines()[0]}" if comparison.truth else ""
+    for ax, frame in zip(drawn[:5], shown[:5], strict=True):
+        ax.set_title(frame.title)
+        put(ax, frame.items[-1], color="0.35", lw=0.9, ls=":")
+    colours = dict(zip(by_name, cycle(COLOURS), strict=False))
+    _draw_pairs(pairs, shown[5], comparison.table(at, level), colours)
     if axes is None:
+        truth = f"; truth: {comparison.truth.splitlines()[0]}" if comparison.truth else ""
         figure.suptitle(f"{len(chosen)} common runs along {comparison.reference.name or 'a trajectory'}{truth}")
     return figure
 
 
-def _draw_pairs(ax: Axes, table: Ranking, colours: Mapping[str, str]) -> None:
-    """Differences to the best model in the same runs, with their intervals and verdicts."""
-    others = [one for one in table if one.paired is not None]
+def _pairs(table: Ranking) -> Frame:
+    """Differences to the best model in the same runs, with their intervals and verdicts, in rows from the top."""
     best = table[0].model
-    ax.axvline(0.0, color=colours[best], lw=1.6, label=f"{best}: {table[0].mean_position:.3g} m")
-    for row, one in enumerate(others):
-        test = one.paired
-        assert test is not None
-        half = [[test.difference - test.low], [test.high - test.difference]]
-        ax.errorbar(test.difference, row, xerr=half, fmt="o", color=colours[one.model], capsize=4, lw=1.6)
-        p = "p < 0.0001" if one.p < 1e-4 else f"p = {one.p:.2g}"
-        text, where = f"{one.model}, {p}\n{one.verdict}", (0.03, row + 0.1)
-        ax.annotate(text, where, xycoords=("axes fraction", "data"), va="top", fontsize=9)
-    ax.set(ylim=(len(others) - 0.4, -0.75), yticks=[], xlabel=f"position error minus that of {best} [m]")
-    ax.set_title(f"difference in the same runs at {table.time:g} s")
+    items: list[Item] = [Mark(f"{best}: {table[0].mean_position:.3g} m", 0.0)]
+    names = []
+    for one in table:
+        if one.paired is not None:
+            ends = (one.paired.difference, len(names), one.paired.low, one.paired.high)
+            items.append(Bars("", *(np.array([value]) for value in ends), lying=True))
+            p = "p < 0.0001" if one.p < 1e-4 else f"p = {one.p:.2g}"
+            names.append(f"{one.model}, {p}\n{one.verdict}")
+    x = Axis(f"position error minus that of {best}", "m")
+    return Frame(f"difference in the same runs at {table.time:g} s", x, Axis("", "", names=tuple(names)), tuple(items))
+
+
+def _draw_pairs(ax: Axes, frame: Frame, table: Ranking, colours: Mapping[str, str]) -> None:
+    best, *bars = frame.items
+    put(ax, best, color=colours[table[0].model], lw=1.6)
+    others = [one.model for one in table if one.paired is not None]
+    for row, (item, model, text) in enumerate(zip(bars, others, frame.y.names, strict=True)):
+        put(ax, item, fmt="o", color=colours[model], capsize=4, lw=1.6)
+        ax.annotate(text, (0.03, row + 0.1), xycoords=("axes fraction", "data"), va="top", fontsize=9)
+    ax.set(ylim=(len(others) - 0.4, -0.75), yticks=[])
+    describe(ax, frame)
     ax.margins(x=0.15)
     grid(ax)
     ax.legend(fontsize=8, loc="upper right", title=f"bars: {100 * table.level:g} % interval", title_fontsize=8)
 
 
-def _draw_curve(ax: Axes, t: np.ndarray, curve: Curve, colour: str, label: str, factor: float = 1.0) -> None:
-    ax.fill_between(t, factor * curve.low, factor * curve.high, color=colour, alpha=0.2, lw=0)
-    ax.plot(t, factor * curve.value, color=colour, lw=1.4, label=label)
+def _mean_frame(
+    title: str, axis: Axis, by_name: Mapping[str, Runs], curves: Mapping[str, Curve], factor: float = 1.0
+) -> Frame:
+    """A band and a line for each model."""
+    items: list[Item] = []
+    for name, c in curves.items():
+        t = by_name[name].time
+        items += [Band("", t, factor * c.low, factor * c.high), Line(name, t, factor * c.value)]
+    return Frame(title, TIME, axis, (*items, *outage_items(_outages(by_name))))
+
+
+def _draw_means(ax: Axes, frame: Frame) -> None:
+    items = without_outages(frame)
+    for band, line, colour in zip(items[::2], items[1::2], cycle(COLOURS), strict=False):
+        put(ax, band, color=colour, alpha=0.2)
+        put(ax, line, color=colour, lw=1.4)
+
+
+def _with_states(by_name: Mapping[str, Runs], group: str) -> dict[str, Runs]:
+    """The models that have states in a group."""
+    return {name: r for name, r in by_name.items() if group in r.nees and r.known_epochs(group).any()}
+
+
+def _outages(by_name: Mapping[str, Runs]) -> list[tuple[float, float]]:
+    """Of all models, each once."""
+    return sorted({i for r in by_name.values() for i in r.outage_intervals})
 
 
 def _common(models: Models) -> tuple[dict[str, Runs], np.ndarray]:
@@ -226,14 +371,9 @@ def _common(models: Models) -> tuple[dict[str, Runs], np.ndarray]:
     return {name: r for name, r in every.items() if r.num_good >= 2}, chosen
 
 
-def _dofs(shown: Mapping[str, Any], group: str) -> str:
-    dofs = sorted({r.dof[group] for _, r in shown.values()})
-    return f"{' or '.join(map(str, dofs)) or 'no'} states"
-
-
-def _finish(ax: Axes, by_name: Mapping[str, Runs], title: str, place: Any = "best") -> None:
-    shade(ax, sorted({i for r in by_name.values() for i in r.outage_intervals}))
-    ax.set_xlabel("time [s]")
+def _finish(ax: Axes, frame: Frame, title: str, place: Any = "best") -> None:
+    shade(ax, frame)
+    describe(ax, frame)
     ax.margins(x=0)
     grid(ax)
     handles, _ = ax.get_legend_handles_labels()

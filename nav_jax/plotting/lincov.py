@@ -5,21 +5,66 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from gmwm_jax._internal.figures import GivenAxes, entries_of, frames, shared_legend
+from gmwm_jax._internal.figure_data import Axis, Band, Frame, Histogram, Item, Line, Mark, Points
+from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
 from nav_jax.filter.layout import QUANTITIES
 from nav_jax.lincov.analysis import Analysis, Covariances
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.calibration import CalibrationEffect
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
-from nav_jax.plotting._style import COLOURS, DEGREES, INK, along_time, draw, grid, logarithmic, positive, time_below
+from nav_jax.plotting._style import (
+    COLOURS,
+    DEGREES,
+    INK,
+    TIME,
+    along_time,
+    draw,
+    grid,
+    logarithmic,
+    outage_items,
+    positive,
+    time_below,
+    without_outages,
+)
 
 _OTHERS = "0.8"
 _STYLES = {"truth": "-", "filter": "--"}
+
+
+def analysis_data(filters: Mapping[str, Covariances], *, group: str = "pose", level: float = 0.95) -> tuple[Frame, ...]:
+    """What `plot_analysis` shows: errors of position and orientation, each true and claimed, NEES and coverage.
+
+    Parameters
+    ----------
+    filters
+        Name -> covariances.
+    group
+        Of states whose NEES and coverage are drawn, see `nav_jax.filter.layout.GROUPS`.
+    level
+        Of the region whose coverage is drawn.
+    """
+    outages = outage_items(next(iter(filters.values())).outage_intervals)
+    shown = []
+    for what, block, unit, factor in (("position", "position", "m", 1.0), ("orientation", "attitude", "deg", DEGREES)):
+        items: list[Item] = []
+        for name, c in filters.items():
+            # a start that is known exactly has no place on a logarithmic axis
+            items.append(Line(name, c.time, positive(factor * c.rms(block))))
+            items.append(Line("", c.time, positive(factor * c.rms_claimed(block))))
+        axis = Axis(f"RMS {what} error", unit, "log")
+        shown.append(Frame(f"{what}: true and claimed", TIME, axis, (*items, *outages)))
+    nees = [Line(name, c.time, c.nees(group) / max(c.dof(group), 1)) for name, c in filters.items()]
+    covered = [Line(name, c.time, c.coverage(group, level)) for name, c in filters.items()]
+    axis = Axis("expected NEES / dof", "1", "log")
+    ratio = Frame(f"consistency of the {group}", TIME, axis, (*nees, Mark("consistent", 1.0, "y"), *outages))
+    axis = Axis(f"coverage of the {100 * level:g} % region", "1")
+    return (*shown, ratio, Frame(f"coverage of the {group}", TIME, axis, (*covered, Mark("", level, "y"), *outages)))
 
 
 @draw.register(Covariances)
@@ -44,30 +89,51 @@ def plot_analysis(
     axes
         Four Axes to draw into, as in two rows of two; a new figure if left out.
     """
+    shown = analysis_data(filters, group=group, level=level)
     figure, drawn = frames(axes, 2, 2, (11.5, 7.4), sharex=True)
-    position, attitude, nees, coverage = drawn
-    for colour, (name, c) in zip(cycle(COLOURS), filters.items(), strict=False):
-        for ax, block, factor in ((position, "position", 1.0), (attitude, "attitude", DEGREES)):
-            # a start that is known exactly has no place on a logarithmic axis
-            ax.plot(c.time, positive(factor * c.rms(block)), color=colour, lw=1.4, label=name)
-            ax.plot(c.time, positive(factor * c.rms_claimed(block)), color=colour, lw=1.2, ls="--")
-        nees.plot(c.time, c.nees(group) / max(c.dof(group), 1), color=colour, lw=1.4, label=name)
-        coverage.plot(c.time, c.coverage(group, level), color=colour, lw=1.4, label=name)
-    nees.axhline(1.0, color=INK, lw=0.9, ls=":", label="consistent")
-    coverage.axhline(level, color=INK, lw=0.9, ls=":")
-    position.set(ylabel="RMS position error [m]", title="position: true and claimed")
-    attitude.set(ylabel="RMS orientation error [deg]", title="orientation: true and claimed")
-    nees.set(ylabel="expected NEES / dof [1]", title=f"consistency of the {group}")
-    coverage.set(ylabel=f"coverage of the {100 * level:g} % region [1]", title=f"coverage of the {group}")
-    for ax in (position, attitude, nees):
-        logarithmic(ax)
-    coverage.set_ylim(-0.02, 1.02)
-    for ax in (position, attitude, nees, coverage):
-        along_time(ax, next(iter(filters.values())).outage_intervals)
+    for ax, frame in zip(drawn[:2], shown[:2], strict=True):
+        items = without_outages(frame)
+        for true, claimed, colour in zip(items[::2], items[1::2], cycle(COLOURS), strict=False):
+            put(ax, true, color=colour, lw=1.4)
+            put(ax, claimed, color=colour, lw=1.2, ls="--")
+    for ax, frame in zip(drawn[2:], shown[2:], strict=True):
+        *curves, right = without_outages(frame)
+        for item, colour in zip(curves, cycle(COLOURS), strict=False):
+            put(ax, item, color=colour, lw=1.4)
+        put(ax, right, color=INK, lw=0.9, ls=":")
+    for ax, frame in zip(drawn, shown, strict=True):
+        describe(ax, frame)
+        if frame.y.scale == "log":
+            logarithmic(ax)
+        along_time(ax, frame)
+    drawn[3].set_ylim(-0.02, 1.02)
     styles = {label: Line2D([], [], color=INK, ls=ls) for ls, label in (("-", "true"), ("--", "claimed"))}
-    entries = entries_of(nees) | styles
+    entries = entries_of(drawn[2]) | styles
     shared_legend(figure, drawn, entries, alone=axes is None, loc="outside lower center", ncols=min(len(entries), 4))
     return figure
+
+
+def sensitivities_data(
+    s: Sensitivities, *, quantities: Sequence[str] = ("position", "tilt", "heading"), num: int = 8
+) -> tuple[Frame, ...]:
+    """What `plot_sensitivities` shows: a frame for each quantity, a line for each parameter.
+
+    Parameters
+    ----------
+    s
+        The derivatives.
+    quantities
+        Of `nav_jax.filter.layout.QUANTITIES`.
+    num
+        So many parameters: those with the largest relative effect on one of the quantities at the judged epoch.
+    """
+    chosen, shown = _most_effective(s, quantities, num), []
+    for q in quantities:
+        _, unit, factor = QUANTITIES[q]
+        lines = [Line(f"{s.names[p]} ({s.sides[p]})", s.time, factor * s.derivative[q][:, p]) for p in chosen]
+        items = (*lines, Mark("", 0.0, "y"), *outage_items(s.outage_intervals))
+        shown.append(Frame(q, TIME, Axis("d RMS / d log", unit), items))
+    return tuple(shown)
 
 
 @draw.register(Sensitivities)
@@ -91,27 +157,61 @@ def plot_sensitivities(
     axes
         An Axes for each quantity to draw into; a new figure if left out.
     """
-    k = s.epoch()
-    effect = np.max([np.abs(np.nan_to_num(s.elasticity(q)[k])) for q in quantities], axis=0)
-    chosen = [p for p in np.argsort(-effect)[:num] if effect[p] > 0]
+    chosen = _most_effective(s, quantities, num)
     colours = dict(zip(dict.fromkeys(s.names[p] for p in chosen), cycle(COLOURS), strict=False))
-    figure, drawn = frames(axes, len(quantities), 1, (10.5, 1.2 + 2.5 * len(quantities)), sharex=True)
-    for ax, q in zip(drawn, quantities, strict=True):
-        _, unit, factor = QUANTITIES[q]
-        for p in chosen:
-            name, side = s.names[p], s.sides[p]
-            label = f"{name} ({side})"
-            values = factor * s.derivative[q][:, p]
-            ax.plot(s.time, values, color=colours[name], ls=_STYLES[side], lw=1.4, label=label)
-        ax.axhline(0.0, color=INK, lw=0.7)
-        ax.set(ylabel=f"d RMS / d log [{unit}]", title=q)
-        along_time(ax, s.outage_intervals)
+    shown = sensitivities_data(s, quantities=quantities, num=num)
+    figure, drawn = frames(axes, len(shown), 1, (10.5, 1.2 + 2.5 * len(shown)), sharex=True)
+    for ax, frame in zip(drawn, shown, strict=True):
+        *lines, zero = without_outages(frame)
+        for item, p in zip(lines, chosen, strict=True):
+            put(ax, item, color=colours[s.names[p]], ls=_STYLES[s.sides[p]], lw=1.4)
+        put(ax, zero, color=INK, lw=0.7)
+        describe(ax, frame)
+        along_time(ax, frame)
     beside: dict[str, Any] = {"loc": "outside right center", "title": "parameter of", "title_fontsize": 8}
     shared_legend(figure, drawn, entries_of(drawn[0]), alone=axes is None, fontsize=8, **beside)
     if axes is None:
         figure.suptitle("change of the true RMS error by a relative change of a noise parameter", fontsize=11)
         figure.align_ylabels()
     return figure
+
+
+def _most_effective(s: Sensitivities, quantities: Sequence[str], num: int) -> list[int]:
+    """Numbers of the parameters with the largest relative effect on one of the quantities."""
+    k = s.epoch()
+    effect = np.max([np.abs(np.nan_to_num(s.elasticity(q)[k])) for q in quantities], axis=0)
+    return [int(p) for p in np.argsort(-effect)[:num] if effect[p] > 0]
+
+
+def budget_data(
+    b: Budget, *, quantities: Sequence[str] = ("horizontal", "vertical", "tilt", "heading"), num: int = 7
+) -> tuple[Frame, ...]:
+    """What `plot_budget` shows: for each quantity the shares of the sources, one upon the other, then all RMS errors.
+
+    Parameters
+    ----------
+    b
+        The budget.
+    quantities
+        Of `nav_jax.filter.layout.QUANTITIES`.
+    num
+        At most so many sources by name, those with the largest mean shares; the others are one.
+    """
+    shares = {q: np.nan_to_num(b.share(q)) for q in quantities}
+    weight = np.sum([x.mean(axis=1) for x in shares.values()], axis=0)
+    chosen, rest = np.split(np.argsort(-weight), [num])
+    labels = [b.sources[i] for i in chosen] + ["others"] * bool(len(rest))
+    edges = [Mark("", t) for t in sorted({t for interval in b.outage_intervals for t in interval})]
+    above, below = [], []
+    for q in quantities:
+        _, unit, factor = QUANTITIES[q]
+        parts = [*shares[q][chosen], *([shares[q][rest].sum(axis=0)] if len(rest) else [])]
+        ends = np.cumsum([np.zeros(len(b.time)), *(100 * part for part in parts)], axis=0)
+        bands = [Band(label, b.time, *pair) for label, *pair in zip(labels, ends[:-1], ends[1:], strict=True)]
+        above.append(Frame(q, TIME, Axis("share of the mean square", "%"), (*bands, *edges)))
+        rms = positive(factor * np.sqrt(b.mean_square(q).sum(axis=0)))
+        below.append(Frame("", TIME, Axis("RMS error", unit, "log"), (Line("", b.time, rms),)))
+    return (*above, *below)
 
 
 @draw.register(Budget)
@@ -135,26 +235,21 @@ def plot_budget(
     axes
         An Axes for each quantity to draw into; a new figure if left out.
     """
-    shares = {q: np.nan_to_num(b.share(q)) for q in quantities}
-    weight = np.sum([x.mean(axis=1) for x in shares.values()], axis=0)
-    order = np.argsort(-weight)
-    chosen, rest = order[:num], order[num:]
-    labels = [b.sources[i] for i in chosen] + ["others"] * bool(len(rest))
-    colours = [*COLOURS[: len(chosen)], _OTHERS]
-    rows = -(-len(quantities) // 2)
-    columns, size = min(2, len(quantities)), (12.0, 1.0 + 3.2 * rows)
-    figure, drawn = frames(axes, rows, columns, size, num=len(quantities), sharex=True)
-    for ax, q in zip(drawn, quantities, strict=True):
-        _, unit, factor = QUANTITIES[q]
-        parts = [*shares[q][chosen], *([shares[q][rest].sum(axis=0)] if len(rest) else [])]
-        ax.stackplot(b.time, 100 * np.array(parts), labels=labels, colors=colours, lw=0, alpha=0.85)
-        ax.set(ylim=(0, 100), ylabel="share of the mean square [%]", title=q)
-        for edge in sorted({t for interval in b.outage_intervals for t in interval}):
-            ax.axvline(edge, color="black", lw=0.9, ls=":")
+    shown, count = budget_data(b, quantities=quantities, num=num), len(quantities)
+    rows = -(-count // 2)
+    figure, drawn = frames(axes, rows, min(2, count), (12.0, 1.0 + 3.2 * rows), num=count, sharex=True)
+    for ax, shares, errors in zip(drawn, shown[:count], shown[count:], strict=True):
+        describe(ax, shares)
+        colours = iter(COLOURS)
+        for item in shares.items:
+            if isinstance(item, Band):
+                put(ax, item, color=_OTHERS if item.label == "others" else next(colours), alpha=0.85)
+            else:
+                put(ax, item, color="black", lw=0.9, ls=":")
+        ax.set_ylim(0, 100)
         twin = ax.twinx()
-        rms = factor * np.sqrt(b.mean_square(q).sum(axis=0))
-        twin.plot(b.time, positive(rms), color="black", lw=1.8)
-        twin.set_ylabel(f"RMS error [{unit}]")
+        put(twin, errors.items[0], color="black", lw=1.8)
+        twin.set_ylabel(f"{errors.y.label} [{errors.y.unit}]")
         twin.margins(x=0)
         logarithmic(twin)
         time_below(ax)
@@ -163,6 +258,43 @@ def plot_budget(
         entries["ends of outages"] = Line2D([], [], color="black", lw=0.9, ls=":")
     shared_legend(figure, drawn, entries, alone=axes is None, loc="outside right center", fontsize=8)
     return figure
+
+
+def calibration_data(
+    c: CalibrationEffect, *, quantities: Sequence[str] = ("position", "heading"), level: float = 0.95
+) -> tuple[Frame, ...]:
+    """What `plot_calibration` shows: a frame for each quantity of the errors, then of the losses, then of the draws.
+
+    Parameters
+    ----------
+    c
+        The effect.
+    quantities
+        Of `nav_jax.filter.layout.QUANTITIES`.
+    level
+        Of the bands.
+    """
+    k, outages = c.epoch(), outage_items(c.outage_intervals)
+    rows: tuple[list[Frame], ...] = ([], [], [])
+    for q in quantities:
+        _, unit, factor = QUANTITIES[q]
+        low, high = (positive(factor * x) for x in c.interval(q, level))
+        errors = Band(f"{100 * level:g} % of the draws", c.time, low, high)
+        errors = (errors, Line("estimate", c.time, positive(factor * c.rms[q])), *outages)
+        rows[0].append(Frame(f"{q}: RMS error of the filter", TIME, Axis("RMS error", unit, "log"), errors))
+        loss = (Line("mean over the draws", c.time, 100 * c.loss(q)), *outages)
+        rows[1].append(Frame(f"{q}: loss against a filter that knows the truth", TIME, Axis("loss", "%"), loss))
+        draws = factor * c.used[q][:, k]
+        edges = np.histogram_bin_edges(draws, "auto")
+        items = (
+            Histogram("draws", edges, np.histogram(draws, edges)[0]),
+            Mark("estimate", float(factor * c.rms[q][k])),
+            Mark(f"{100 * level:g} % interval", float(low[k])),
+            Mark("", float(high[k])),
+        )
+        error = Axis(f"RMS error at {c.time[k]:g} s", unit)
+        rows[2].append(Frame(q, error, Axis("number of draws", "1"), items))
+    return tuple(frame for row in rows for frame in row)
 
 
 @draw.register(CalibrationEffect)
@@ -186,32 +318,64 @@ def plot_calibration(
     axes
         Three Axes a quantity to draw into, of shape (3, quantities); a new figure if left out.
     """
-    figure, drawn = frames(axes, 3, len(quantities), (1.5 + 5 * len(quantities), 9.0))
-    k = c.epoch()
-    for i, (colour, q) in enumerate(zip(COLOURS, quantities, strict=False)):
-        over_time, loss, draws = drawn[i :: len(quantities)]
-        _, unit, factor = QUANTITIES[q]
-        low, high = (positive(factor * x) for x in c.interval(q, level))
-        band = f"{100 * level:g} % of the draws"
-        over_time.fill_between(c.time, low, high, color=colour, alpha=0.25, lw=0, label=band)
-        over_time.plot(c.time, positive(factor * c.rms[q]), color=colour, lw=1.5, label="estimate")
-        over_time.set(ylabel=f"RMS error [{unit}]", title=f"{q}: RMS error of the filter")
+    shown, num = calibration_data(c, quantities=quantities, level=level), len(quantities)
+    figure, drawn = frames(axes, 3, num, (1.5 + 5 * num, 9.0))
+    for i, colour in zip(range(num), cycle(COLOURS), strict=False):
+        over_time, loss, draws = drawn[i::num]
+        for ax, frame in zip((over_time, loss, draws), shown[i::num], strict=True):
+            describe(ax, frame)
+        band, estimate = without_outages(shown[i])
+        put(over_time, band, color=colour, alpha=0.25)
+        put(over_time, estimate, color=colour, lw=1.5)
         logarithmic(over_time)
-        loss.plot(c.time, 100 * c.loss(q), color=colour, lw=1.5, label="mean over the draws")
-        loss.set(ylabel="loss [%]", title=f"{q}: loss against a filter that knows the truth")
+        put(loss, without_outages(shown[num + i])[0], color=colour, lw=1.5)
         loss.set_ylim(bottom=0)
-        for ax in (over_time, loss):
-            along_time(ax, c.outage_intervals)
+        for ax, frame in ((over_time, shown[i]), (loss, shown[num + i])):
+            along_time(ax, frame)
             ax.legend(fontsize=8)
-        draws.hist(factor * c.used[q][:, k], bins="auto", color=colour, alpha=0.5, label="draws")
-        draws.axvline(factor * c.rms[q][k], color=colour, lw=1.8, label="estimate")
-        draws.set(xlabel=f"RMS error at {c.time[k]:g} s [{unit}]", ylabel="number of draws [1]", title=q)
-        for ends, x in (("interval", low[k]), (None, high[k])):
-            draws.axvline(x, color=INK, lw=1.0, ls="--", label=ends and f"{100 * level:g} % {ends}")
+        histogram, mark, *ends = shown[2 * num + i].items
+        put(draws, histogram, color=colour, alpha=0.5)
+        put(draws, mark, color=colour, lw=1.8)
+        for end in ends:
+            put(draws, end, color=INK, lw=1.0, ls="--")
         draws.yaxis.set_major_locator(MaxNLocator(integer=True))
         draws.legend(fontsize=8)
         grid(draws)
     return figure
+
+
+def design_data(d: Design) -> tuple[Frame, Frame, Frame]:
+    """What `plot_design` shows over the number of states: position error, consistency, and the loss with its front.
+
+    Parameters
+    ----------
+    d
+        The design; the names of its filters are those in `plot_design`.
+    """
+    designed = np.array([(*judged(c.covariances), c.loss) for c in d.candidates])
+    naive = np.array([(*judged(c.covariances_naive), c.loss_naive) for c in d.candidates])
+    right, at = judged(d.right), _side_by_side(d.candidates)
+    true_states = np.array([len(d.truth.bank().states)])
+    names = tuple(f"{c.num_accel}+{c.num_gyro}{'' if c.converged else '?'}" for c in d.candidates)
+    front = {id(c) for c in d.pareto}
+    on_front = [i for i, c in enumerate(d.candidates) if id(c) in front]
+    shown = []
+    for column, title, axis in (
+        (0, "position error at the judged epoch", Axis("true RMS position error", "m", "log")),
+        (2, "consistency of position, velocity, attitude", Axis("expected NEES / 9", "1", "log")),
+        (3, "what was minimised (lower is better)", Axis(f"loss: {d.objective}", "1")),
+    ):
+        items: list[Item] = [
+            Points("truncated: a part of the truth", at, naive[:, column]),
+            Points("designed", at, designed[:, column], names),
+        ]
+        if axis.scale == "log":
+            items.append(Points("right: believes the truth", true_states, np.array([right[column]])))
+            items.append(Mark("", float(right[column]), "y"))
+        else:
+            items.append(Line("Pareto front", at[on_front], designed[on_front, column]))
+        shown.append(Frame(title, Axis("sensor states of the filter", "1"), axis, tuple(items)))
+    return shown[0], shown[1], shown[2]
 
 
 @draw.register(Design)
@@ -226,38 +390,37 @@ def plot_design(d: Design, *, axes: GivenAxes | None = None) -> Figure:
     axes
         Three Axes to draw into; a new figure if left out.
     """
-    figure, (position, nees, loss) = frames(axes, 1, 3, (14.0, 5.0))
-    designed = np.array([(*judged(c.covariances), c.loss) for c in d.candidates])
-    naive = np.array([(*judged(c.covariances_naive), c.loss_naive) for c in d.candidates])
-    right, true_states, at = judged(d.right), len(d.truth.bank().states), _side_by_side(d.candidates)
-    for ax, column in ((position, 0), (nees, 2), (loss, 3)):
-        ax.vlines(at, designed[:, column], naive[:, column], color="0.75", lw=1.0, zorder=1)
-        ax.plot(at, naive[:, column], "v", color=COLOURS[1], mfc="none", label="truncated: a part of the truth")
-        ax.plot(at, designed[:, column], "o", color=COLOURS[0], label="designed")
-        for c, x, value in zip(d.candidates, at, designed[:, column], strict=True):
-            text = f"{c.num_accel}+{c.num_gyro}{'' if c.converged else '?'}"
-            place: Any = {"textcoords": "offset points", "ha": "center", "va": "top", "rotation": 90}
-            ax.annotate(text, (x, value), (0, -7), fontsize=8, **place)
-    for ax, column in ((position, 0), (nees, 2)):
-        ax.plot(true_states, right[column], "*", color=COLOURS[2], ms=13, label="right: believes the truth")
-        ax.axhline(right[column], color=COLOURS[2], lw=0.9, ls=":")
-        ax.margins(x=0.1, y=0.18)
-        logarithmic(ax)
-    front = {id(c) for c in d.pareto}
-    on_front = [i for i, c in enumerate(d.candidates) if id(c) in front]
-    loss.step(at[on_front], designed[on_front, 3], where="post", color=COLOURS[0], lw=1.2, label="Pareto front")
-    # filters that are far off would press all others flat
-    low, spread = designed[:, 3].min(), max(np.ptp(designed[:, 3]), 1e-3)
-    loss.set(xmargin=0.1, ylim=(low - 0.25 * spread, low + 1.7 * spread))
-    position.set(ylabel="true RMS position error [m]", title="position error at the judged epoch")
-    nees.set(ylabel="expected NEES / 9 [1]", title="consistency of position, velocity, attitude")
-    loss.set(ylabel=f"loss: {d.objective} [1]", title="what was minimised (lower is better)")
-    for ax in (position, nees, loss):
-        ax.set_xlabel("sensor states of the filter [1]")
+    shown = design_data(d)
+    figure, drawn = frames(axes, 1, 3, (14.0, 5.0))
+    for ax, frame in zip(drawn, shown, strict=True):
+        _draw_candidates(ax, frame)
+        describe(ax, frame)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         grid(ax)
         ax.legend(fontsize=8, loc="upper right")
     return figure
+
+
+def _draw_candidates(ax: Axes, frame: Frame) -> None:
+    naive, designed, best, *level = frame.items
+    assert isinstance(naive, Points)
+    assert isinstance(designed, Points)
+    ax.vlines(naive.x, designed.y, naive.y, color="0.75", lw=1.0, zorder=1)
+    put(ax, naive, color=COLOURS[1], marker="v", ls="", mfc="none")
+    put(ax, designed, color=COLOURS[0], marker="o", ls="")
+    place: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "top", "rotation": 90}
+    for name, x, y in zip(designed.names, designed.x, designed.y, strict=True):
+        ax.annotate(name, (x, y), (0, -7), fontsize=8, **place)
+    if level:
+        put(ax, best, color=COLOURS[2], marker="*", ls="", ms=13)
+        put(ax, level[0], color=COLOURS[2], lw=0.9, ls=":")
+        ax.margins(x=0.1, y=0.18)
+        logarithmic(ax)
+    else:
+        put(ax, best, color=COLOURS[0], lw=1.2, drawstyle="steps-post")
+        # filters that are far off would press all others flat
+        low, spread = designed.y.min(), max(np.ptp(designed.y), 1e-3)
+        ax.set(xmargin=0.1, ylim=(low - 0.25 * spread, low + 1.7 * spread))
 
 
 def _side_by_side(candidates: Sequence[Candidate]) -> np.ndarray:

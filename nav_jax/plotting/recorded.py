@@ -3,9 +3,48 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, entries_of, frames, shared_legend
+from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Item, Mark, Points
+from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
 from nav_jax.plotting._style import COLOURS, INK, draw, grid, logarithmic, positive
 from nav_jax.recorded.tuning import Tuning
+
+_STYLES = {
+    "start": {"color": INK, "lw": 1.0, "ls": ":"},
+    "from the prior": {"color": COLOURS[3]},
+    "not observable": {"color": COLOURS[1], "marker": "x", "ms": 8},
+    "held": {"color": INK, "marker": "s", "ms": 8},
+    "lost in the search": {"color": COLOURS[1], "marker": "D", "ms": 7},
+}
+
+
+def tuning_data(t: Tuning) -> tuple[Frame]:
+    """What `plot_tuning` shows: the parameters in rows from the top, as factors on their starts.
+
+    Parameters
+    ----------
+    t
+        The tuning.
+    """
+    rows = np.arange(len(t.names))
+    # a partial autocorrelation may be negative, and its interval may contain zero
+    factor = positive(t.value / t.start)
+    low, high = np.sort([t.ci_low / t.start, t.ci_high / t.start], axis=0)
+    held = np.isin(t.names, t.held)
+    items: list[Item] = [Mark("start", 1.0)]
+    for label, who in (
+        (f"tuned, {100 * t.level:g} % interval", t.observable),
+        ("from the prior", t.sought & ~t.observable),
+    ):
+        # what goes through zero goes on to the edge of the logarithmic axis
+        items.append(Bars(label, factor[who], rows[who], np.maximum(low, 0.0)[who], high[who], lying=True))
+    for label, who in (("not observable", ~t.sought & ~t.lost & ~held), ("held", held)):
+        items.append(Points(label, np.ones(who.sum()), rows[who]))
+    edge = _widest(t) / 1.1  # far off, as a variance on its way to zero
+    items.append(Points("lost in the search", np.clip(np.nan_to_num(factor[t.lost]), 1 / edge, edge), rows[t.lost]))
+    there = (item for item in items if isinstance(item, Mark) or np.size(item[1]))
+    gain = f"log likelihood {t.loss_start - t.loss:+.4g}" + ("" if t.converged else ", NOT converged")
+    title = f"{t.num_innovations} innovations: {gain}"
+    return (Frame(title, Axis("factor on the start", "1", "log"), Axis("", "", names=t.names), tuple(there)),)
 
 
 @draw.register(Tuning)
@@ -19,36 +58,25 @@ def plot_tuning(t: Tuning, *, axes: GivenAxes | None = None) -> Figure:
     axes
         The Axes to draw into; a new figure if left out.
     """
+    (frame,) = tuning_data(t)
     figure, (ax,) = frames(axes, 1, 1, (9.0, 1.6 + 0.42 * len(t.names)))
-    rows = np.arange(len(t.names))
-    # a partial autocorrelation may be negative, and its interval may contain zero
-    factor = positive(t.value / t.start)
-    low, high = np.sort([t.ci_low / t.start, t.ci_high / t.start], axis=0)
-    ax.axvline(1.0, color=INK, lw=1.0, ls=":", label="start")
-    interval = f"tuned, {100 * t.level:g} % interval"
-    for chosen, colour, label in (
-        (t.observable, COLOURS[0], interval),
-        (t.sought & ~t.observable, COLOURS[3], "from the prior"),
-    ):
-        if chosen.any():
-            # what goes through zero goes on to the edge of the logarithmic axis
-            bars = [(factor - np.maximum(low, 0.0))[chosen], (high - factor)[chosen]]
-            ax.errorbar(factor[chosen], rows[chosen], xerr=bars, fmt="o", color=colour, capsize=4, lw=1.6, label=label)
-    held = np.isin(t.names, t.held)
-    for chosen, style, label in ((~t.sought & ~t.lost & ~held, "x", "not observable"), (held, "s", "held")):
-        if chosen.any():
-            at, colour = rows[chosen], COLOURS[1] if style == "x" else INK
-            ax.plot(np.ones(len(at)), at, style, color=colour, mfc="none", ms=8, mew=1.8, label=label)
-    ax.set(yticks=rows, yticklabels=t.names, xlabel="factor on the start [1]", ylim=(len(rows) - 0.5, -0.5))
-    widest = 1.3 * np.nanmax([2.0, *high, *(1 / positive(low))])
-    ax.set_xlim(1 / widest, widest)
-    if t.lost.any():
-        # far off, as a variance on its way to zero
-        at = np.clip(np.nan_to_num(factor[t.lost]), 1.1 / widest, widest / 1.1)
-        ax.plot(at, rows[t.lost], "D", color=COLOURS[1], mfc="none", ms=7, mew=1.8, label="lost in the search")
+    for item in frame.items:
+        style = _STYLES.get(item.label, {"color": COLOURS[0]})
+        if isinstance(item, Bars):
+            style = {**style, "fmt": "o", "capsize": 4, "lw": 1.6}
+        elif isinstance(item, Points):
+            style = {**style, "ls": "", "mfc": "none", "mew": 1.8}
+        put(ax, item, **style)
+    describe(ax, frame, fontsize=11)
+    ax.set(yticks=range(len(t.names)), yticklabels=t.names, ylim=(len(t.names) - 0.5, -0.5))
+    ax.set_xlim(1 / _widest(t), _widest(t))
     logarithmic(ax, "x")
     grid(ax)
-    gain = f"log likelihood {t.loss_start - t.loss:+.4g}" + ("" if t.converged else ", NOT converged")
-    ax.set_title(f"{t.num_innovations} innovations: {gain}", fontsize=11)
     shared_legend(figure, [ax], entries_of(ax), alone=axes is None, loc="outside lower center", ncols=4, fontsize=8)
     return figure
+
+
+def _widest(t: Tuning) -> float:
+    """The end of the axis."""
+    low, high = np.sort([t.ci_low / t.start, t.ci_high / t.start], axis=0)
+    return float(1.3 * np.nanmax([2.0, *high, *(1 / positive(low))]))

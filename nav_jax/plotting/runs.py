@@ -7,12 +7,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, entries_of, frames, shared_legend
+from gmwm_jax._internal.figure_data import Axis, Frame, Item, Line, Mark
+from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
 from nav_jax.filter.layout import JUDGED
-from nav_jax.plotting._style import DEGREES, draw, grid, plan_and_height, shade
+from nav_jax.plotting._style import (
+    DEGREES,
+    TIME,
+    draw,
+    grid,
+    height_frame,
+    outage_items,
+    plan_and_height,
+    plan_frame,
+    shade,
+    without_outages,
+)
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
 
+_OUT, _BOUNDS = "in an outage", " sd of the filter"
 _RUN, _BOUND, _TRUTH, _IN_OUTAGE = "#7fa3c7", "#c23b22", "black", "#e08e0b"
 
 _SHOWN = {  # block -> (title, unit, factor, rows: label, column, sign)
@@ -22,6 +35,35 @@ _SHOWN = {  # block -> (title, unit, factor, rows: label, column, sign)
     "accel": ("accelerometer", "mm/s²", 1e3, (("x", 0, 1), ("y", 1, 1), ("z", 2, 1))),
     "gyro": ("gyroscope", "deg/h", DEGREES * 3600, (("x", 0, 1), ("y", 1, 1), ("z", 2, 1))),
 }
+
+
+def realisations_data(runs: Runs, reference: Trajectory, *, max_runs: int = 20) -> tuple[Frame, Frame]:
+    """What `plot_realisations` shows: plan and height.
+
+    Parameters
+    ----------
+    runs
+        Its tracks, or without tracks the truth plus the errors at the epochs.
+    reference
+        The truth.
+    max_runs
+        At most so many.
+    """
+    outages = runs.outage_intervals
+    paths = _paths(runs, reference, max_runs)
+    plan: list[Item] = []
+    height: list[Item] = []
+    for i, (time, position) in enumerate(paths):
+        label = "" if i else f"{len(paths)} run{'s' * (len(paths) != 1)} of {runs.name}"
+        plan.append(Line(label, position[:, 1], position[:, 0]))
+        height.append(Line(label, time, -position[:, 2]))
+        for j, (start, end) in enumerate(outages):
+            inside = (time >= start) & (time <= end)
+            plan.append(Line("" if i or j else _OUT, position[inside, 1], position[inside, 0]))
+    truth = reference.position
+    plan.append(Line("truth", truth[:, 1], truth[:, 0]))
+    height.append(Line("truth", reference.time, -truth[:, 2]))
+    return plan_frame(plan), height_frame([*height, *outage_items(outages)])
 
 
 def plot_realisations(
@@ -40,25 +82,41 @@ def plot_realisations(
     axes
         Two Axes to draw into, plan and height; a new figure if left out.
     """
-    figure, (plan, height) = plan_and_height(axes)
-    outages = runs.outage_intervals
-    drawn = _paths(runs, reference, max_runs)
+    shown = realisations_data(runs, reference, max_runs=max_runs)
+    figure, drawn = plan_and_height(axes, shown)
     thin: dict[str, Any] = {"lw": 0.8, "alpha": 0.7}
-    for i, (time, position) in enumerate(drawn):
-        label = f"{len(drawn)} run{'s' * (len(drawn) != 1)} of {runs.name}" if i == 0 else None
-        plan.plot(position[:, 1], position[:, 0], color=_RUN, label=label, **thin)
-        height.plot(time, -position[:, 2], color=_RUN, label=label, **thin)
-        for j, (start, end) in enumerate(outages):
-            inside = (time >= start) & (time <= end)
-            label = "in an outage" if i == j == 0 else None
-            plan.plot(position[inside, 1], position[inside, 0], color=_IN_OUTAGE, label=label, **thin)
-    position = reference.position
-    plan.plot(position[:, 1], position[:, 0], color=_TRUTH, lw=1.2, ls="--", label="truth")
-    height.plot(reference.time, -position[:, 2], color=_TRUTH, lw=1.2, ls="--", label="truth")
-    shade(height, outages)
-    for ax in (plan, height):
+    period = 1 + len(runs.outage_intervals)  # of the items of one run in the plan, of which the first is all of it
+    for ax, frame, repeat in zip(drawn, shown, (period, 1), strict=True):
+        *paths, truth = without_outages(frame)
+        for i, item in enumerate(paths):
+            put(ax, item, color=_IN_OUTAGE if i % repeat else _RUN, **thin)
+        put(ax, truth, color=_TRUTH, lw=1.2, ls="--")
+        shade(ax, frame)
         ax.legend(fontsize=8, loc="best")
     return figure
+
+
+def errors_data(
+    runs: Runs, *, blocks: Sequence[str] = ("position",), max_runs: int = 50, sigmas: float = 3.0
+) -> tuple[Frame, ...]:
+    """What `plot_errors` shows: three rows, of which each has a frame for each block.
+
+    Parameters
+    ----------
+    runs
+        Of one model.
+    blocks
+        ``position``, ``velocity``, ``attitude``.
+    max_runs
+        At most so many runs; the bounds are of all.
+    sigmas
+        Bounds are that many standard deviations (root mean square over the runs) away.
+    """
+    for block in blocks:
+        JUDGED[block]  # raises where there is no such block
+    chosen = np.flatnonzero(runs.good)[:max_runs]
+    columns = [_components(runs, block, chosen, sigmas) for block in blocks]
+    return tuple(column[row] for row in range(3) for column in columns)
 
 
 @draw.register(Runs)
@@ -85,7 +143,23 @@ def plot_errors(
     axes
         Three Axes a block to draw into, of shape (3, blocks); a new figure if left out.
     """
-    return _draw_blocks(runs, blocks, max_runs, sigmas, axes, f"{runs.name}: estimate - truth, {runs.counts()}")
+    shown = errors_data(runs, blocks=blocks, max_runs=max_runs, sigmas=sigmas)
+    return _draw_blocks(shown, axes, f"{runs.name}: estimate - truth, {runs.counts()}")
+
+
+def sensor_states_data(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0) -> tuple[Frame, ...]:
+    """What `plot_sensor_states` shows: three rows, of which each has a frame for accelerometer and gyroscope.
+
+    Parameters
+    ----------
+    runs
+        Of one model.
+    max_runs
+        At most so many runs; the bounds are of all.
+    sigmas
+        Bounds are that many standard deviations (root mean square over the runs) away.
+    """
+    return errors_data(runs, blocks=("accel", "gyro"), max_runs=max_runs, sigmas=sigmas)
 
 
 def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0, axes: GivenAxes | None = None) -> Figure:
@@ -103,7 +177,7 @@ def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0, a
         Six Axes to draw into, of shape (3, 2); a new figure if left out.
     """
     title = f"{runs.name}: estimated - true sensor error (true one without white noise)"
-    return _draw_blocks(runs, ("accel", "gyro"), max_runs, sigmas, axes, title)
+    return _draw_blocks(sensor_states_data(runs, max_runs=max_runs, sigmas=sigmas), axes, title)
 
 
 def _paths(runs: Runs, reference: Trajectory, max_runs: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -115,23 +189,31 @@ def _paths(runs: Runs, reference: Trajectory, max_runs: int) -> list[tuple[np.nd
     return [(runs.time, truth + runs.error[i, :, :3]) for i in np.flatnonzero(runs.good)[:max_runs]]
 
 
-def _draw_blocks(
-    runs: Runs, blocks: Sequence[str], max_runs: int, sigmas: float, axes: GivenAxes | None, title: str
-) -> Figure:
-    for block in blocks:
-        JUDGED[block]  # before there is a figure
-    figure, drawn = frames(axes, 3, len(blocks), (2.5 + 4.5 * len(blocks), 6.6), sharex=True)
-    chosen = np.flatnonzero(runs.good)[:max_runs]
-    for column, block in enumerate(blocks):
-        name, unit, factor, rows = _SHOWN[block]
-        below = drawn[column :: len(blocks)]
-        errors = runs.errors(block, chosen)
-        sd = np.sqrt(np.mean(runs.sds(block) ** 2, axis=0))
-        for ax, (label, k, sign) in zip(below, rows, strict=True):
-            _draw_component(ax, runs, sign * factor * errors[:, :, k], factor * sd[:, k], sigmas)
-            ax.set_ylabel(f"{label} [{unit}]")
-        below[0].set_title(name)
-        below[-1].set_xlabel("time [s]")
+def _components(runs: Runs, block: str, chosen: np.ndarray, sigmas: float) -> list[Frame]:
+    """The three components of a block: errors of the chosen runs, and bounds where the filter has states."""
+    name, unit, factor, rows = _SHOWN[block]
+    errors, sd = runs.errors(block, chosen), np.sqrt(np.mean(runs.sds(block) ** 2, axis=0))
+    shown = []
+    for row, (label, k, sign) in enumerate(rows):
+        items = outage_items(runs.outage_intervals)
+        who = f"{len(chosen)} runs" if len(chosen) < runs.num_good else "runs"
+        for i, error in enumerate(errors[:, :, k]):
+            items.append(Line("" if i else who, runs.time, sign * factor * error))
+        if np.any(sd[:, k] > 0):
+            bound = sigmas * (factor * sd[:, k])
+            items += [Line(f"±{sigmas:g}{_BOUNDS}", runs.time, bound), Line("", runs.time, -bound)]
+        items.append(Mark("", 0.0, "y"))
+        shown.append(Frame("" if row else name, TIME, Axis(label, unit), tuple(items)))
+    return shown
+
+
+def _draw_blocks(shown: Sequence[Frame], axes: GivenAxes | None, title: str) -> Figure:
+    columns = len(shown) // 3
+    figure, drawn = frames(axes, 3, columns, (2.5 + 4.5 * columns, 6.6), sharex=True)
+    for i, (ax, frame) in enumerate(zip(drawn, shown, strict=True)):
+        _draw_component(ax, frame)
+        if i < 2 * columns:
+            ax.set_xlabel("")
     entries, alone = entries_of(*drawn), axes is None
     options: dict[str, Any] = {"loc": "outside lower center", "ncols": len(entries), "fontsize": 9}
     shared_legend(figure, drawn, entries, alone=alone, **options)
@@ -141,17 +223,19 @@ def _draw_blocks(
     return figure
 
 
-def _draw_component(ax: Axes, runs: Runs, errors: np.ndarray, sd: np.ndarray, sigmas: float) -> None:
-    """One component of the errors of some runs, (runs, epochs), and its bounds."""
-    shade(ax, runs.outage_intervals)
-    lines = ax.plot(runs.time, errors.T, color=_RUN, lw=0.6, alpha=0.6)
-    if lines:
-        lines[0].set_label(f"{len(lines)} runs" if len(lines) < runs.num_good else "runs")
-    if np.any(sd > 0):
-        ax.plot(runs.time, sigmas * sd, color=_BOUND, lw=1.4, label=f"±{sigmas:g} sd of the filter")
-        ax.plot(runs.time, -sigmas * sd, color=_BOUND, lw=1.4)
+def _draw_component(ax: Axes, frame: Frame) -> None:
+    """One component of the errors of some runs, and its bounds."""
+    shade(ax, frame)
+    *lines, zero = without_outages(frame)
+    bounded = any(item.label.endswith(_BOUNDS) for item in lines)
+    for item in lines[: -2 if bounded else None]:
+        put(ax, item, color=_RUN, lw=0.6, alpha=0.6)
+    if bounded:
+        for item in lines[-2:]:
+            put(ax, item, color=_BOUND, lw=1.4)
     else:
         ax.text(0.02, 0.93, "no state", transform=ax.transAxes, va="top", color=_BOUND, fontweight="bold")
-    ax.axhline(0, color="0.4", lw=0.7)
+    put(ax, zero, color="0.4", lw=0.7)
+    describe(ax, frame)
     ax.margins(x=0)
     grid(ax)

@@ -3,12 +3,32 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from gmwm_jax._internal.figures import GivenAxes, frames, new_figure
-from nav_jax.plotting._style import COLOURS, DEGREES, draw, grid, plan_and_height
+from gmwm_jax._internal.figure_data import Axis, Frame, Line, Points
+from gmwm_jax._internal.figures import GivenAxes, describe, frames, new_figure, put
+from nav_jax.plotting._style import COLOURS, DEGREES, TIME, draw, grid, height_frame, plan_and_height, plan_frame
 from nav_jax.trajectory.trajectory import Trajectory
 
 _FLAT = 1.0
 """m: less than this between lowest and highest is drawn as level."""
+
+
+def trajectory_data(trajectory: Trajectory, *, attitude: bool = True) -> tuple[Frame, ...]:
+    """What `plot_trajectory` shows: plan, height and attitude.
+
+    Parameters
+    ----------
+    trajectory
+        What to draw.
+    attitude
+        Whether roll, pitch and yaw are drawn too.
+    """
+    north, east, down = trajectory.position.T
+    way = Line("", east, north), Points("start", east[:1], north[:1])
+    plan = plan_frame(way, f"{trajectory.name or 'trajectory'}: plan")
+    height = height_frame([Line("", trajectory.time, -down)])
+    angles = zip(("roll", "pitch", "yaw"), trajectory.euler.T, strict=True)
+    turns = tuple(Line(name, trajectory.time, DEGREES * angle) for name, angle in angles)
+    return (plan, height, Frame("attitude", TIME, Axis("angle", "deg"), turns)) if attitude else (plan, height)
 
 
 @draw.register(Trajectory)
@@ -24,25 +44,26 @@ def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True, axes: Give
     axes
         Two Axes to draw into, plan and height, or with the attitude three; a new figure if left out.
     """
+    shown = trajectory_data(trajectory, attitude=attitude)
     if attitude:
         if axes is None:
             places = new_figure(10.5, 5.2).subplot_mosaic([["plan", "height"], ["plan", "attitude"]])
             axes = [places[name] for name in ("plan", "height", "attitude")]
         _, (*pair, ax) = frames(axes, 1, 3, (10.5, 5.2))
-        for colour, name, angle in zip(COLOURS, ("roll", "pitch", "yaw"), trajectory.euler.T, strict=False):
-            ax.plot(trajectory.time, DEGREES * angle, color=colour, lw=1.2, label=name)
-        ax.set(xlabel="time [s]", ylabel="angle [deg]", title="attitude")
+        describe(ax, shown[2])
+        for item, colour in zip(shown[2].items, COLOURS, strict=False):
+            put(ax, item, color=colour, lw=1.2)
         ax.legend(fontsize=8, ncols=3)
         grid(ax)
     else:
         pair = axes
-    figure, (plan, height) = plan_and_height(pair)
-    north, east, down = trajectory.position.T
-    plan.plot(east, north, color=COLOURS[0], lw=1.4)
-    plan.plot(east[0], north[0], "o", color=COLOURS[1], label="start")
+    figure, (plan, height) = plan_and_height(pair, shown[:2])
+    way, start = shown[0].items
+    put(plan, way, color=COLOURS[0], lw=1.4)
+    put(plan, start, color=COLOURS[1], marker="o", ls="")
     plan.legend(fontsize=8)
-    height.plot(trajectory.time, -down, color=COLOURS[0], lw=1.4)
+    put(height, shown[1].items[0], color=COLOURS[0], lw=1.4)
+    down = trajectory.position[:, 2]
     if np.ptp(down) < _FLAT:  # else the axis shows rounding
         height.set_ylim(-down.mean() - _FLAT, -down.mean() + _FLAT)
-    plan.set_title(f"{trajectory.name or 'trajectory'}: plan")
     return figure

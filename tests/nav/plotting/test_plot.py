@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.stats
+from drawn import assert_shows
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from nav.simulation.test_comparison import make_reference
 from nav.synthetic import OUTAGE, make_runs, with_failures
 
+from nav_jax import plotting
 from nav_jax.plotting import (
     plot_comparison,
     plot_consistency,
@@ -246,3 +249,54 @@ def test_the_overview(comparison):
 def test_the_overview_of_one_model(reference):
     figure = plot_comparison(Comparison(reference, {"only": make_runs("only", 5)}), at=30.0)
     assert figure.axes[-1].get_title() == "difference in the same runs at 30 s"
+
+
+def test_what_is_drawn_is_what_the_data_say(reference, comparison):
+    r = make_runs(num_runs=6)
+    for plot, data, first, options in (
+        (plot_trajectory, plotting.trajectory_data, (reference,), {}),
+        (plot_trajectory, plotting.trajectory_data, (reference,), {"attitude": False}),
+        (plot_realisations, plotting.realisations_data, (r, reference), {"max_runs": 4}),
+        (plot_errors, plotting.errors_data, (r,), {"blocks": ("position", "attitude"), "max_runs": 3, "sigmas": 2.0}),
+        (plot_sensor_states, plotting.sensor_states_data, (r,), {}),
+        (plot_mean_errors, plotting.mean_errors_data, (comparison,), {}),
+        (plot_mean_errors, plotting.mean_errors_data, (r,), {"log": True, "level": 0.9}),
+        (plot_consistency, plotting.consistency_data, (r,), {"groups": ("position", "pose")}),
+        (plot_nis, plotting.nis_data, (r,), {}),
+    ):
+        assert_shows(plot(*first, **options), data(*first, **options))
+
+
+def test_the_overview_shows_its_data(reference):
+    models = {name: make_runs(name, N, scale=scale, noise=6) for name, scale in (("a", 1.0), ("b", 1.1), ("c", 1.3))}
+    c = Comparison(reference, models, "MTi-G")
+    shown = plotting.comparison_data(c, at=20.0)
+    assert_shows(plot_comparison(c, at=20.0), shown)
+    assert [frame.y.unit for frame in shown[:5]] == ["m", "deg", "m", "1", "1"]
+    best, *bars = shown[5].items
+    table = c.table(20.0)
+    assert best.label.startswith(table[0].model)
+    for bar, one, name in zip(bars, table[1:], shown[5].y.names, strict=True):
+        assert [bar.low[0], bar.x[0], bar.high[0]] == [one.paired.low, one.paired.difference, one.paired.high]
+        assert name.startswith(one.model)
+
+
+def test_given_axes_are_used(reference, comparison):
+    r = make_runs(num_runs=6)
+    for plot, result, shape in (
+        (plot_trajectory, reference, (1, 3)),
+        (plot_errors, r, (3, 1)),
+        (plot_sensor_states, r, (3, 2)),
+        (plot_mean_errors, comparison, (1, 2)),
+        (plot_consistency, comparison, (2, 3)),
+        (plot_nis, r, (len(r.nis), 1)),
+        (plot_comparison, comparison, (2, 3)),
+    ):
+        axes = Figure().subplots(*shape, squeeze=False)
+        figure = plot(result, axes=axes)
+        assert figure is axes[0, 0].get_figure()
+        assert len(figure.axes) == axes.size
+        assert not figure.legends
+        assert figure.get_suptitle() == ""
+        with pytest.raises(ValueError, match=f"has {axes.size} frames and draws into as many Axes; axes= has 7"):
+            plot(result, axes=Figure().subplots(1, 7))

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn import assert_shows
+from matplotlib.figure import Figure
 from nav.synthetic_analysis import (
     GROWTH,
     JUDGED,
@@ -18,7 +20,8 @@ from nav.synthetic_analysis import (
     make_tuning,
 )
 
-from nav_jax.plotting.lincov import plot_analysis, plot_budget, plot_calibration, plot_sensitivities
+from nav_jax import plotting
+from nav_jax.plotting import plot_analysis, plot_budget, plot_calibration, plot_sensitivities
 
 pytestmark = pytest.mark.usefixtures("rendered_figures")
 
@@ -257,3 +260,46 @@ def test_a_tuning_that_did_not_converge_says_so():
     figure = t.plot()
     assert figure.axes[0].get_title().endswith("NOT converged")
     assert "not observable" not in texts(figure.legends[0])
+
+
+def test_what_is_drawn_is_what_the_data_say():
+    right = make_analysis()["right"]
+    for result, data, options in (
+        (make_analysis(), plotting.analysis_data, {"group": "navigation", "level": 0.9}),
+        (make_sensitivities(), plotting.sensitivities_data, {"quantities": ("vertical", "heading"), "num": 3}),
+        (make_budget(), plotting.budget_data, {"num": 4}),
+        (make_budget(3), plotting.budget_data, {"quantities": ("tilt",)}),
+        (make_calibration(), plotting.calibration_data, {"level": 0.5}),
+        (make_design(), plotting.design_data, {}),
+        (make_tuning(), plotting.tuning_data, {}),
+    ):
+        assert_shows(result.plot(**options), data(result, **options))
+    assert_shows(right.plot(), plotting.analysis_data({"right": right}))
+
+
+def test_the_shares_of_a_budget_add_up():
+    b = make_budget()
+    shares = plotting.budget_data(b)[0]
+    bands = [item for item in shares.items if isinstance(item, plotting.Band)]
+    assert [band.label for band in bands][-2:] == ["source 3", "others"]
+    np.testing.assert_array_equal(bands[0].low, 0.0)
+    np.testing.assert_allclose(bands[-1].high[1:], 100.0)
+    np.testing.assert_allclose((bands[0].high - bands[0].low)[1:], 100 * b.share("horizontal")[-1, 1:])
+
+
+def test_given_axes_are_used():
+    for result, shape in (
+        (make_analysis(), (2, 2)),
+        (make_sensitivities(), (3, 1)),
+        (make_budget(), (2, 2)),
+        (make_calibration(), (3, 2)),
+        (make_design(), (1, 3)),
+        (make_tuning(), (1, 1)),
+    ):
+        axes = Figure().subplots(*shape, squeeze=False)
+        figure = result.plot(axes=axes)
+        assert figure is axes[0, 0].get_figure()
+        assert all(ax.has_data() for ax in axes.flat)
+        assert not figure.legends
+        with pytest.raises(ValueError, match=f"has {axes.size} frames and draws into as many Axes; axes= has 7"):
+            result.plot(axes=Figure().subplots(1, 7))
