@@ -82,7 +82,7 @@ def test_the_doors_have_no_other_names():
 
 
 def test_figures_from_several_threads_are_those_of_one():
-    """Ticks on logarithmic axes are formulas, and Matplotlib has one parser of them: without a lock a process may die."""
+    """Ticks on logarithmic axes are formulas, and Matplotlib has one parser of them: without a lock this dies."""
     results = [variances(seed) for seed in range(12)]
     alone = [png(wv.plot()) for wv in results]
     before = sys.getswitchinterval()
