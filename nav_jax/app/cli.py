@@ -15,6 +15,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.interrupts import INTERRUPTED
 from gmwm_jax._internal.overwriting import refuse_overwriting
 from nav_jax.app.comparison_file import Config, named_files, read_config
 from nav_jax.app.demo import run_demo
@@ -36,9 +37,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-INTERRUPTED = 130
-"""Exit code of a run that was stopped from the keyboard; what was done by then is written."""
 
 
 def _command(function: Callable[..., None]) -> Callable[..., None]:

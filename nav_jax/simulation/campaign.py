@@ -6,7 +6,7 @@ numbers of a run depend on its key alone.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
 import jax
@@ -15,6 +15,7 @@ from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.cores import num_threads
+from gmwm_jax._internal.interrupts import AbandonableExecutor
 from gmwm_jax._internal.progress import progress_bar
 from nav_jax.filter.experiment import (
     GAINS,
@@ -205,7 +206,8 @@ def _run_chunks(
     jobs = [(0, [name]) for name in names] + [(chunk, names) for chunk in range(1, num_chunks)]
     complete = np.zeros((num_chunks, len(names)), dtype=bool)
     bar = progress_bar(num_chunks * len(names) * size, "run", progress)
-    pool = ThreadPoolExecutor(workers)
+    pool = AbandonableExecutor(workers)
+    interrupted = False
     waiting: dict[Future[dict[str, Any]], int] = {}
     try:
         for chunk, of in jobs:
@@ -215,10 +217,10 @@ def _run_chunks(
         while waiting:
             _collect(waiting, collected, complete, names, size, bar)
     except KeyboardInterrupt:
-        for future in waiting:
-            future.cancel()
+        interrupted = True
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        # a chunk that is compiled or computed cannot be stopped, and is not waited for by who wants to stop
+        pool.shutdown(wait=not interrupted, cancel_futures=True)
         bar.close()
     whole = complete.all(axis=1)
     return int(num_chunks if whole.all() else np.argmin(whole))
