@@ -159,12 +159,12 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
 
 
 @eqx.filter_jit
-def gains_of(experiment: Experiment, filter: ImuErrors, *, smooth: bool = False) -> Gains:
-    """Covariance and gains of a filter along the reference; `smooth` for a smoother, which wants more of it."""
+def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, smooth: bool = False) -> Gains:
+    """Covariance and gains of a filter along the reference; more of it for `run_filter` with `trace` or `smooth`."""
     bank = filter.bank()
     start = experiment.start._replace(x=jnp.zeros((len(bank.states), 1)))
     P = start_covariance(experiment.initial, bank)
-    return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, remember=smooth)
+    return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, trace=trace, remember=smooth)
 
 
 @eqx.filter_jit
@@ -190,7 +190,7 @@ def run_filter(
     gains
         See `gains_of`.
     trace
-        Keep the estimate after every covariance step.
+        Keep the estimate, and what is claimed of it, after every covariance step and every update, see `histories`.
     smooth
         Judge the estimate of the smoother, from all measurements of the run; innovations are those of the filter.
     """

@@ -15,9 +15,9 @@ from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.ekf import NavState, correction, inject, mechanise, mechanise_with_motion, update
 from nav_jax.filter.error_model import blocks, full, propagate, transition
 from nav_jax.filter.layout import NAVIGATION
-from nav_jax.filter.score import Truth, claim, judge
+from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
-from nav_jax.filter.timeline import Gains, Inputs, Memory, Outcome, Timeline
+from nav_jax.filter.timeline import Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
 from nav_jax.imu.bank import SensorBank, alone, step_noises
 
 Sensors = tuple[AbstractAiding, ...]
@@ -48,7 +48,7 @@ def run_estimate(
     P_start
         Covariance of the error state at the start.
     trace
-        Keep the estimate after every covariance step.
+        Keep the estimate, and what is claimed of it, after every covariance step and every update.
     remember
         Keep what a smoother wants.
     """
@@ -66,7 +66,8 @@ def run_estimate(
         state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.g_n)
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
-        return (state, propagate(P, motion, now), status, noise, Phi), state if trace else None
+        P = propagate(P, motion, now)
+        return (state, P, status, noise, Phi), _estimate(state, bank, claim(P, alike).sd) if trace else None
 
     def event(carry, given):
         state, P, status, noise, Phi = carry
@@ -85,7 +86,8 @@ def run_estimate(
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
     events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.errors.per_segment)
     last, (kept, (judgement, innovation, variance_of, states, memory)) = time_loop(step, event, start, steps, events)
-    return Outcome(judgement, innovation, variance_of, last[2], states, kept, memory)
+    whole = _trace(inputs.start, states, bank, claim(P, alike).sd, kept, judgement) if trace else None
+    return Outcome(judgement, innovation, variance_of, last[2], states, whole, memory)
 
 
 def reference_gains(
@@ -95,14 +97,15 @@ def reference_gains(
     start: NavState,
     P_start: Float[Array, "n n"],
     *,
+    trace: bool = False,
     remember: bool = False,
 ) -> Gains:
     """Covariance and gains along the reference, for `run_reference`.
 
     Parameters
     ----------
-    timeline, bank, sensors, P_start, remember
-        As in `run_estimate`.
+    timeline, bank, sensors, P_start, trace, remember
+        As in `run_estimate`; of a trace, what does not depend on the run.
     start
         The reference at the start, one run, with sensor states of zero.
     """
@@ -119,33 +122,44 @@ def reference_gains(
         )
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
-        return (state, propagate(P, motion, now), Phi), None
+        P = propagate(P, motion, now)
+        return (state, P, Phi), claim(P, alike).sd if trace else None
 
     def event(carry, at):
         state, P, Phi = carry
         whole, done = update(full(P), H, variance, at.valid)
         P = blocks(whole)
         memory = None if Phi is None else Memory(whole, done.gain, Phi)
-        return (state, P, one), Gains(done, claim(P, alike), memory)
+        return (state, P, one), Gains(done, claim(P, alike), memory, None)
 
-    carry = (start, blocks(P_start[:, :, None]), one)
+    P = blocks(P_start[:, :, None])
     events = _Event(timeline.truth, timeline.valid)
-    return time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)[1][1]
+    _, (sd, gains) = time_loop(step, event, (start, P, one), (timeline.pattern, timeline.imu), events)
+    return gains._replace(sd=(claim(P, alike).sd, sd)) if trace else gains
 
 
 def run_reference(
     timeline: Timeline, bank: SensorBank, sensors: Sensors, inputs: Inputs, gains: Gains, *, trace: bool = False
 ) -> Outcome:
-    """Run R filters with gains that were computed along the reference; parameters as in `run_estimate`."""
+    """Run R filters with gains that were computed along the reference; parameters as in `run_estimate`.
+
+    Raises
+    ------
+    ValueError
+        A trace is asked for, and the gains have none.
+    """
+    if trace and gains.sd is None:
+        raise ValueError("A trace needs what is claimed at every step: gains_of(experiment, filter, trace=True).")
     H, _ = stacked(sensors)
 
     def step(carry, given):
         state, status, noise = carry
-        kind, imu, own = given
+        kind, imu, own, sd = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.g_n)
-        return (state, status, noise), state if trace else None
+        kept = None if sd is None else _estimate(state, bank, sd)
+        return (state, status, noise), kept
 
     def event(carry, given):
         state, status, noise = carry
@@ -157,11 +171,31 @@ def run_reference(
         return (state, status, noise), (judgement, innovation, state)
 
     start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
-    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
-    known = gains._replace(memory=None)
+    begin, sds = gains.sd if trace and gains.sd is not None else (None, None)
+    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step, sds)
+    known = gains._replace(memory=None, sd=None)
     events = (_Event(timeline.truth, timeline.valid), known, inputs.z, inputs.errors.per_segment)
     (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
-    return Outcome(judgement, innovation, gains.update.variance, status, states, kept, gains.memory)
+    whole = None if begin is None else _trace(inputs.start, states, bank, begin, kept, judgement)
+    return Outcome(judgement, innovation, gains.update.variance, status, states, whole, gains.memory)
+
+
+def _estimate(state: NavState, bank: SensorBank, sd: Float[Array, "judged Q"]) -> Estimate:
+    return Estimate(state.p, state.v, state.q, bank.errors(state.x), sd)
+
+
+def _trace(
+    start: NavState,
+    states: NavState,
+    bank: SensorBank,
+    sd: Float[Array, "judged Q"],
+    steps: Estimate,
+    judgement: Judgement,
+) -> Trace:
+    """The trace of runs from their start, the estimates at the events, what is claimed at both, and the steps."""
+    return Trace(
+        _estimate(start, bank, sd), steps, jax.vmap(lambda s, sd: _estimate(s, bank, sd))(states, judgement.sd)
+    )
 
 
 class _Event(NamedTuple):

@@ -29,6 +29,11 @@ class Claim(NamedTuple):
     navigation: Float[Array, "nav nav Q"]
     sensors: Float[Array, "ch ch Q"]
 
+    @property
+    def sd(self) -> Float[Array, "judged Q"]:
+        """Standard deviations, columns `JUDGED`."""
+        return root(jnp.concatenate([_diagonal(self.navigation), _diagonal(self.sensors)]))
+
 
 class Judgement(NamedTuple):
     """Errors and normalised squared errors (NEES) of R runs."""
@@ -54,7 +59,6 @@ def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting
     sensors = bank.errors(state.x) - lasting
     error = jnp.concatenate([state.p - truth.p, state.v - truth.v, psi, sensors])
     N = claim.navigation
-    variance = jnp.concatenate([_diagonal(N), _diagonal(claim.sensors)])
     # the factor of a matrix holds those of its leading blocks: position, pose, navigation at once
     order = jnp.array(NAVIGATION.columns("position", "attitude", "velocity"))
     y = jnp.cumsum(whiten(N[order][:, order], error[order]) ** 2, axis=0)
@@ -69,7 +73,7 @@ def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting
         "position": y[POSITION.stop - 1], "velocity": velocity, "attitude": attitude, "pose": y[_POSE - 1],
         "navigation": y[-1], "sensors": of_sensors,
     }  # fmt: skip
-    return Judgement(error, root(variance), N[POSITION, POSITION], jnp.stack([known[group] for group in GROUPS]))
+    return Judgement(error, claim.sd, N[POSITION, POSITION], jnp.stack([known[group] for group in GROUPS]))
 
 
 def _diagonal(P: Float[Array, "K K Q"]) -> Float[Array, "K Q"]:

@@ -1,7 +1,7 @@
 """What runs take and give: the schedule with what all of them share, their inputs, their outcome, as arrays."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -56,6 +56,28 @@ class Memory(NamedTuple):
     """From its beginning to its end, before the update."""
 
 
+class Estimate(NamedTuple):
+    """What filters estimate, and what they claim of it."""
+
+    p: Float[Array, "*E 3 R"]
+    v: Float[Array, "*E 3 R"]
+    q: Float[Array, "*E 4 R"]
+    sensors: Float[Array, "*E ch R"]
+    """Errors of the channels."""
+    sd: Float[Array, "*E judged Q"]
+    """Standard deviations, columns `JUDGED`."""
+
+
+class Trace(NamedTuple):
+    """All estimates of a run."""
+
+    start: Estimate
+    steps: Estimate
+    """After each of the (M, G) covariance steps, before any update."""
+    events: Estimate
+    """After the update at the end of each of the M segments, if there is one."""
+
+
 class Outcome(NamedTuple):
     """What comes out, at the end of each of the M segments."""
 
@@ -66,8 +88,8 @@ class Outcome(NamedTuple):
     status: Int[Array, " R"]
     state: NavState
     """The estimate."""
-    trace: Any
-    """The estimate after each covariance step, or None."""
+    trace: Trace | None
+    """If it was asked for."""
     memory: Memory | None
     """If it was asked for."""
 
@@ -78,6 +100,8 @@ class Gains(NamedTuple):
     update: Update
     claim: Claim
     memory: Memory | None
+    sd: tuple[Float[Array, "judged 1"], Float[Array, "M G judged 1"]] | None
+    """Claimed at the start and after each covariance step, if it was asked for."""
 
 
 def timeline_of(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, Int
@@ -16,6 +15,7 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.filter.ekf import NavState
+from nav_jax.filter.history import Estimates, histories, smoothed_history
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.loop import run_estimate
@@ -24,7 +24,7 @@ from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
 from nav_jax.filter.status import Status
-from nav_jax.filter.timeline import Inputs, Outcome, Timeline, start_covariance, timeline_of
+from nav_jax.filter.timeline import Estimate, Inputs, Outcome, Timeline, start_covariance, timeline_of
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import GivenErrors
 from nav_jax.imu.errors import ImuErrors
@@ -35,19 +35,22 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Navigation:
-    """An integrated navigation solution.
+    """An integrated navigation solution: row k of trajectory, sd and sensor_errors belongs to ``time[k]``.
+
+    At an epoch with fixes they are what the filter says after the update by all fixes of that epoch, also at the last
+    epoch; what it said before that is in `before`. Estimate and standard deviation are always of the same side.
 
     Attributes
     ----------
     trajectory
-        The estimate after every covariance step.
-    time
-        Epochs of what follows, s, shape (E,).
+        The estimate at the start and after every covariance step; of a smoother, at every output and fix.
     sd
         Standard deviations of position N, E, D (m), velocity (m/s), attitude (rad, rotation vector in n) and of the
-        estimated errors of accelerometers (m/s^2) and gyros (rad/s): the columns of `nav_jax.filter.layout.JUDGED`.
+        estimated errors of accelerometers (m/s^2) and gyros (rad/s), shape (E, 15).
     sensor_errors
         Estimated errors of accelerometer x, y, z and gyro x, y, z, shape (E, 6).
+    before
+        The same at the epochs with fixes, before their update. Without epochs for a smoother, which knows all fixes.
     innovation, nis
         Sensor -> innovations (F, K) and their normalised squares (F,), each component given those before it.
     status
@@ -55,12 +58,17 @@ class Navigation:
     """
 
     trajectory: Trajectory
-    time: Float64[np.ndarray, " E"]
-    sd: Float64[np.ndarray, "E col"]
-    sensor_errors: Float64[np.ndarray, "E ch"]
+    sd: Float64[np.ndarray, "E 15"]
+    sensor_errors: Float64[np.ndarray, "E 6"]
+    before: Estimates
     innovation: Mapping[str, Float64[np.ndarray, "_ _"]]
     nis: Mapping[str, Float64[np.ndarray, " _"]]
     status: Status
+
+    @property
+    def time(self) -> Float64[np.ndarray, " E"]:
+        """Epochs, s."""
+        return self.trajectory.time
 
     def __repr__(self) -> str:
         last = self.sd[-1]
@@ -83,6 +91,8 @@ class Prepared(NamedTuple):
     inputs: Inputs
     """Of one run, without sensor states."""
     schedule: Schedule
+    start: float
+    """Of the record, s."""
     outputs: Int[np.ndarray, " E"]
     """The segments that end at the epochs asked for."""
     fixes: list[Int[np.ndarray, " _"]]
@@ -133,7 +143,9 @@ def prepare_navigation(
     for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
         z[segments, a:b, 0] = f.value
     none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, len(CHANNELS), 1)))
-    return Prepared(timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, outputs, fixes, columns)
+    return Prepared(
+        timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, float(epochs[0]), outputs, fixes, columns
+    )
 
 
 @eqx.filter_jit
@@ -187,7 +199,7 @@ def navigate(
     every
         Number of IMU samples in a covariance step.
     output_interval
-        s between the epochs of standard deviations.
+        s between epochs at which there is an estimate whatever the covariance steps and fixes are.
     earth
         Gravity; a `FlatEarth` unless given.
     smooth
@@ -220,8 +232,7 @@ def navigate(
         earth=FlatEarth() if earth is None else earth,
     )
     outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, trace=not smooth, smooth=smooth)
-    outcome = jax.tree.map(lambda a: np.asarray(a)[..., 0], outcome)
-    status = Status(int(outcome.status))
+    status = Status(int(outcome.status[0]))
     if throw and status is not Status.ok:
         raise RuntimeError(
             f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; "
@@ -229,33 +240,27 @@ def navigate(
         )
     names = [s.name for s in done.sensors]
     parts = list(zip(names, done.fixes, done.columns[:-1], done.columns[1:], strict=True))
-    nu = {n: outcome.innovation[s, a:b] for n, s, a, b in parts}
-    variance = {n: outcome.variance[s, a:b] for n, s, a, b in parts}
+    innovation, variances = (np.asarray(a)[..., 0] for a in (outcome.innovation, outcome.variance))
+    nu = {n: innovation[s, a:b] for n, s, a, b in parts}
+    variance = {n: variances[s, a:b] for n, s, a, b in parts}
+    after, before = _estimates(done, outcome)
+    label = "smoothed navigation" if smooth else "navigation"
     return Navigation(
-        _trajectory(done, outcome, imu, smooth=smooth),
-        done.schedule.time[done.outputs],
-        outcome.judgement.sd[done.outputs],
-        outcome.judgement.error[done.outputs, ON_CHANNELS],
+        Trajectory(after.time, after.position, after.velocity, after.quaternion, label),
+        after.sd,
+        after.sensor_errors,
+        before,
         nu,
         {n: (nu[n] ** 2 / variance[n]).sum(axis=1) for n in names},
         status,
     )
 
 
-def _trajectory(done: Prepared, outcome: Outcome, imu: Imu, *, smooth: bool) -> Trajectory:
-    """The estimate from the start on; of the smoother, at the events, after the start."""
-    length = done.schedule.dt.sum(axis=1)[done.schedule.pattern]
-    if smooth:
-        moved = length.sum(axis=1) > 0  # of several segments that end at once, the last has all fixes
-        last = np.append(moved[1:], True)
-        p, v, q = (np.asarray(a)[last] for a in outcome.state[:3])
-        return Trajectory(done.schedule.time[last], p, v, q, "smoothed navigation")
-    length = length.ravel()
-    real = np.flatnonzero(length > 0)
-    start = [np.asarray(a)[:, 0] for a in done.inputs.start[:3]]
-    p, v, q = (
-        np.concatenate([first[None], a.reshape(-1, a.shape[-1])[real]])
-        for first, a in zip(start, outcome.trace[:3], strict=True)
-    )
-    time = np.append(imu.epochs[0], imu.epochs[0] + np.cumsum(length[real]))
-    return Trajectory(time, p, v, q, "navigation")
+def _estimates(done: Prepared, outcome: Outcome) -> tuple[Estimates, Estimates]:
+    """At all epochs and after the updates, and before them; of a smoother at outputs and fixes."""
+    if outcome.trace is not None:
+        return histories(done.schedule, done.start, done.timeline.valid, outcome.trace)[0]
+    # nothing is known to compare with: errors of the channels are what is estimated of them
+    sensors = outcome.judgement.error[:, ON_CHANNELS]
+    events = Estimate(outcome.state.p, outcome.state.v, outcome.state.q, sensors, outcome.judgement.sd)
+    return smoothed_history(done.schedule, events, np.unique(np.concatenate([done.outputs, *done.fixes])))

@@ -22,7 +22,10 @@ RUNS_KIND = "nav_jax runs"
 NOT_RUN = -1
 """Status of a run that another model has and this one has not."""
 
-TRACK_FIELDS = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternion": ("quaternion", "1")}
+TRACK_FIELDS = {
+    "position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternion": ("quaternion", "1"),
+    "sensor_errors": ("channel", "m/s^2, rad/s"), "sd": ("component", "of each component: see the coordinate unit"),
+}  # fmt: skip
 """What a track consists of besides its time -> name of the last axis, unit."""
 
 
@@ -72,10 +75,11 @@ def runs_to_dataset(runs: Any) -> "xarray.Dataset":
     if runs.tracks:
         tracks = list(runs.tracks.values())
         coordinates["track"] = ("track", np.array(list(runs.tracks), np.int64), {"long_name": "number of the run"})
-        coordinates["track_time"] = ("track_time", tracks[0].time, {"units": "s"})
-        for name, (last, unit) in TRACK_FIELDS.items():
-            stacked = np.stack([getattr(t, name) for t in tracks])
-            data[f"track_{name}"] = (("track", "track_time", last), stacked, {"units": unit})
+        for side, parts in (("track", tracks), ("before", [t.before for t in tracks])):
+            coordinates[f"{side}_time"] = (f"{side}_time", parts[0].time, {"units": "s"})
+            for name, (last, unit) in TRACK_FIELDS.items():
+                stacked = np.stack([getattr(t, name) for t in parts])
+                data[f"{side}_{name}"] = (("track", f"{side}_time", last), stacked, {"units": unit})
     return xarray.Dataset(data, coordinates, {"kind": RUNS_KIND, "frames": "n: NED; b: forward, right, down; SI"})
 
 
@@ -142,14 +146,18 @@ def _fields(one: "xarray.Dataset") -> dict[str, Any]:
     }
 
 
-def _tracks(one: "xarray.Dataset") -> dict[int, dict[str, np.ndarray]]:
+def _tracks(one: "xarray.Dataset") -> dict[int, tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:
+    """Number of the run -> arrays of its track, and of the side before the updates."""
     if "track" not in one.coords:
         return {}
     found = {}
     for i, number in enumerate(one["track"].values):
-        arrays = {name: one[f"track_{name}"].values[i] for name in TRACK_FIELDS}
-        if not np.all(np.isnan(arrays["position"])):  # a track of another model
-            found[int(number)] = {"time": one["track_time"].values, **arrays}
+        after, before = (
+            {"time": one[f"{side}_time"].values} | {n: one[f"{side}_{n}"].values[i] for n in TRACK_FIELDS}
+            for side in ("track", "before")
+        )
+        if not np.all(np.isnan(after["position"])):  # a track of another model
+            found[int(number)] = after, before
     return found
 
 

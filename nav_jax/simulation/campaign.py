@@ -27,6 +27,7 @@ from nav_jax.filter.experiment import (
     run_filter,
     run_keys,
 )
+from nav_jax.filter.history import histories
 from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.scenario import Scenario
 from nav_jax.filter.status import Status
@@ -187,7 +188,7 @@ def compare(
     keeps = [i for i in kept if i < finished]
     runs = {}
     for name, f in filters.items():
-        tracks = _tracks(setup, truth, f, key, keeps, shared[name])
+        tracks = _tracks(setup, truth, f, key, keeps, on_reference=on_reference)
         runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
     return Comparison(setup.reference, runs, truth=repr(truth))
 
@@ -340,15 +341,16 @@ class _Collected:
         )
 
 
-def _tracks(setup: Setup, truth: Any, believed: ImuErrors, key: Any, kept: list[int], gains: Any) -> dict[int, Track]:
+def _tracks(
+    setup: Setup, truth: Any, believed: ImuErrors, key: Any, kept: list[int], *, on_reference: bool
+) -> dict[int, Track]:
     """The whole trajectory of some runs, by running them again."""
     if not kept:
         return {}
     keys = jax.vmap(lambda i: jax.random.fold_in(key, i))(np.array(kept, dtype=np.uint32))
     inputs = draw_inputs(setup.experiment, truth, keys)
+    gains = gains_of(setup.experiment, believed, trace=True) if on_reference else None
     trace = run_filter(setup.experiment, believed, inputs, gains, trace=True).trace
-    length = setup.schedule.dt.sum(axis=1)[setup.schedule.pattern].ravel()
-    real = np.flatnonzero(length > 0)
-    time = setup.reference.time[0] + np.cumsum(length)[real]
-    p, v, q = (np.moveaxis(np.asarray(a).reshape(-1, *a.shape[2:])[real], -1, 0) for a in trace[:3])
-    return {i: Track(time, p[k], v[k], q[k]) for k, i in enumerate(kept)}
+    assert trace is not None
+    both = histories(setup.schedule, float(setup.reference.time[0]), setup.experiment.timeline.valid, trace)
+    return {i: Track(**vars(after), before=before) for i, (after, before) in zip(kept, both, strict=True)}

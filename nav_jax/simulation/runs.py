@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float64, Integer
 
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.filter.history import Estimates
 from nav_jax.filter.layout import JUDGED, NAVIGATION
 from nav_jax.filter.status import Status
 from nav_jax.simulation._dataset import RUNS_KIND, dataset_to_fields, runs_to_dataset
@@ -24,13 +25,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
-    """What the filter made of one run, at every epoch of the IMU: NED in m and m/s, quaternion from body to NED."""
+class Track(Estimates):
+    """What the filter made of one run at all its epochs, after the updates; `before` are those with fixes before them.
 
-    time: Float64[np.ndarray, " N"]
-    position: Float64[np.ndarray, "N 3"]
-    velocity: Float64[np.ndarray, "N 3"]
-    quaternion: Float64[np.ndarray, "N 4"]
+    The epochs are the start and the ends of all covariance steps.
+    """
+
+    before: Estimates
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -172,7 +173,9 @@ class Runs(Drawable):
     def from_xarray(cls, dataset: "xarray.Dataset") -> "Runs":
         """What `to_xarray` made."""
         fields = dataset_to_fields(dataset)
-        tracks = {i: Track(**arrays) for i, arrays in fields.pop("tracks").items()}
+        tracks = {
+            i: Track(**arrays, before=Estimates(**before)) for i, (arrays, before) in fields.pop("tracks").items()
+        }
         return cls(**fields, tracks=tracks)
 
     def to_pandas(self) -> "pandas.DataFrame":

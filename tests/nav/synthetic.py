@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from nav_jax.filter.history import Estimates
 from nav_jax.simulation.runs import Runs, Track
 
 OUTAGE = (60.0, 80.0)
@@ -109,4 +110,7 @@ def make_track(error):
     heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])) / 2
     zero = np.zeros_like(heading)
     quaternion = np.stack([np.cos(heading), zero, zero, np.sin(heading)], -1)
-    return Track(time, position + between[:, :3], velocity + between[:, 3:], quaternion)
+    sensors, sd = np.zeros((1001, 6)), np.ones((1001, 15))
+    arrays = (position + between[:, :3], velocity + between[:, 3:], quaternion, sensors, sd)
+    fixes = slice(10, None, 10)
+    return Track(time, *arrays, Estimates(time[fixes], *(a[fixes] for a in arrays)))

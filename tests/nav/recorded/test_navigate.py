@@ -58,10 +58,14 @@ def test_it_is_the_run_of_the_monte_carlo(emulated):
     _, outcome, *_, times = emulated
     solution = navigate(emulated)
     assert solution.status is Status.ok
-    at = [int(np.flatnonzero(np.abs(times - t) < 1e-9)[-1]) for t in solution.time]
-    np.testing.assert_allclose(solution.sd, np.asarray(outcome.judgement.sd)[at, :, 0], rtol=1e-8, atol=1e-11)
-    x = np.asarray(outcome.state.x)[at, :, 0]
-    np.testing.assert_allclose(solution.sensor_errors[:, :3], x, rtol=1e-8, atol=1e-12)
+    # at every output and fix
+    rows = [int(np.flatnonzero(np.abs(solution.time - t) < 1e-9)[0]) for t in times]
+    np.testing.assert_allclose(solution.sd[rows], np.asarray(outcome.judgement.sd)[:, :, 0], rtol=1e-8, atol=1e-11)
+    np.testing.assert_allclose(solution.sensor_errors[rows, :3], outcome.state.x[:, :, 0], rtol=1e-8, atol=1e-12)
+    for seen, expected in zip(("position", "velocity", "quaternion"), outcome.state[:3], strict=True):
+        expected = np.asarray(expected)[:, :, 0]
+        sign = np.sign(np.sum(expected[0] * getattr(solution.trajectory, seen)[0])) if seen == "quaternion" else 1.0
+        np.testing.assert_allclose(getattr(solution.trajectory, seen)[rows], sign * expected, rtol=0, atol=1e-8)
     column = 0
     for sensor, fixes in zip(SENSORS, emulated[3], strict=True):
         K = len(sensor.axes)
@@ -89,15 +93,39 @@ def test_free_inertial_navigation_returns_the_motion():
     )
     np.testing.assert_allclose(solution.trajectory.position, truth.position, rtol=0, atol=1e-8)
     np.testing.assert_allclose(solution.trajectory.time, truth.time, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(solution.time, [2, 4, 6])
-    assert np.all(np.diff(solution.sd[:, 0]) > 0)
+    np.testing.assert_array_equal(solution.time, solution.trajectory.time)
+    assert np.all(np.diff(solution.sd[1:, 0]) > 0)
+    assert len(solution.before) == 0
     assert solution.nis == {}
 
 
 def test_fewer_covariance_steps(emulated):
     one, ten = navigate(emulated), navigate(emulated, every=10)
-    np.testing.assert_allclose(ten.sd, one.sd, rtol=1e-3)
+    common = np.flatnonzero(np.isin(np.round(one.time, 9), np.round(ten.time, 9)))
+    np.testing.assert_allclose(ten.sd, one.sd[common], rtol=1e-3)
     assert len(ten.trajectory) < len(one.trajectory) / 5
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_both_sides_of_a_fix_are_those_of_the_update(emulated, every):
+    """The barometer measures -p_d alone: what it changes follows from both sides' claims by the textbook's formula."""
+    baro = emulated[3][2]
+    solution = navigate(emulated, aiding=(baro,), every=every)
+    before = solution.before
+    np.testing.assert_allclose(before.time, baro.time, rtol=0, atol=1e-9)
+    assert before.time[0] == 0.0  # a fix at the very start
+    assert solution.time[-1] == before.time[-1] == 6.0  # and at the very end
+    rows = np.searchsorted(solution.time, before.time - 1e-9)
+    variance = before.sd[:, 2] ** 2
+    gain = variance / (variance + float(baro.sensor.believed[0]) ** 2)
+    innovation = baro.value[:, 0] + before.position[:, 2]
+    np.testing.assert_allclose(innovation, solution.innovation["barometer"][:, 0], rtol=0, atol=1e-8)
+    moved = solution.trajectory.position[rows, 2] - before.position[:, 2]
+    np.testing.assert_allclose(moved, -gain * innovation, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(solution.sd[rows, 2] ** 2, (1 - gain) * variance, rtol=1e-7)
+    # the start is what was given, before its fix
+    np.testing.assert_allclose(before.sd[0, :9] ** 2, np.diag(START.covariance), rtol=1e-12)
+    np.testing.assert_allclose(before.position[0], emulated[4]["position"], rtol=0, atol=1e-12)
 
 
 def test_a_filter_that_fails_says_so(emulated):

@@ -142,14 +142,20 @@ def test_an_interrupt_before_anything_is_one(monkeypatch):
 def test_whole_trajectories_of_chosen_runs(gains):
     runs = compare({"right": RIGHT}, keep=(4, 1), gains=gains)["right"]
     assert sorted(runs.tracks) == [1, 4]
+    at_fixes = np.unique(np.concatenate(list(runs.nis_time.values())))
     for i, track in runs.tracks.items():
-        assert len(track.time) in (500, 501)
-        # an output falls on every hundredth epoch
+        assert len(track.time) == 501
+        # an output falls on every hundredth epoch: estimate and claim are those that the run is judged by
         at = np.searchsorted(track.time, runs.time - 1e-6)
         truth = REFERENCE.position[100::100]
-        np.testing.assert_allclose(np.diff(track.position[at] - truth, axis=0).shape, (4, 3))
-        # before the update of that epoch in a track, after it in the errors: equal where there is no fix
-        np.testing.assert_allclose((track.position[at] - truth)[2, :2], runs.error[i, 2, :2], rtol=0, atol=2e-3)
+        np.testing.assert_allclose(track.position[at] - truth, runs.error[i, :, :3], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(track.sd[at], runs.sd[i], rtol=1e-7, atol=1e-12)
+        # the side before a fix is that of the sample before it, moved on by 10 ms
+        np.testing.assert_allclose(track.before.time, at_fixes, rtol=0, atol=1e-9)
+        fixed = np.searchsorted(track.time, at_fixes - 1e-6)
+        on = track.position[fixed - 1] + 0.01 * track.velocity[fixed - 1]
+        np.testing.assert_allclose(track.before.position, on, rtol=0, atol=2e-3)
+        assert np.all(track.before.sd[:, 2] > track.sd[fixed, 2])
 
 
 def recorded(num=2000):

@@ -29,8 +29,9 @@ def assert_same(a, b):
         if field.name == "tracks":
             assert list(x) == list(y)
             for i in x:
-                for part in ("time", "position", "velocity", "quaternion"):
+                for part in ("time", "position", "velocity", "quaternion", "sensor_errors", "sd"):
                     np.testing.assert_array_equal(getattr(x[i], part), getattr(y[i], part))
+                    np.testing.assert_array_equal(getattr(x[i].before, part), getattr(y[i].before, part))
         elif isinstance(x, dict) and field.name in ("nees", "nis", "nis_time", "innovation"):
             assert list(x) == list(y)
             for name in x:
