@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from drawn import assert_shows
 from helpers import assert_covariance, assert_mean
 
 import gmwm_jax as gj
@@ -118,8 +119,9 @@ def test_a_component_at_zero_has_an_upper_end(wv):
 
 def test_figure(boot):
     figure = boot.plot()
+    assert_shows(figure, gj.plotting.bootstrap_data(boot))
     assert [ax.get_xlabel() for ax in figure.axes] == [
-        "WN sigma2 [(1)^2]", "GM beta [1/sample]", "GM variance [(1)^2]"
+        "WN sigma2 [(1)²]", "GM beta [1/sample]", "GM variance [(1)²]"
     ]  # fmt: skip
     labels = {text.get_text() for text in figure.axes[1].get_legend().get_texts()}
     assert labels == {"replicates", "estimate", "95 % percentile", "95 % theory"}

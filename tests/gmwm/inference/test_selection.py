@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drawn import assert_shows
 from scipy.special import chdtrc
 
 import gmwm_jax as gj
@@ -185,6 +186,7 @@ def test_text_and_json(data, selection):
 
 def test_figure(selection):
     figure = selection.plot()
+    assert_shows(figure, gj.plotting.selection_data(selection))
     ax = figure.axes[0]
     assert "WVIC" in ax.get_xlabel()
     assert selection.recommended.name in " ".join(t.get_text() for t in ax.get_yticklabels())

@@ -6,6 +6,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from drawn import assert_shows
 from helpers import SIGMAS
 from scipy import stats
 from scipy.optimize import minimize
@@ -196,6 +197,7 @@ def test_several_channels(records):
     assert fits["accel_x"].objective == pytest.approx(alone.objective, rel=1e-9)
     assert fits["accel_x"].unit == "m/s^2"
     assert len(fits.plot().axes) == 4
+    assert [f.title for f in gj.plotting.joint_fits_data(fits)[::2]] == [ax.get_title() for ax in fits.plot().axes[::2]]
     with pytest.raises(TypeError, match=r"compare_records\(\) takes one channel, as in joint\['gyro_x'\]"):
         one_channel(fits, "compare_records")
 
@@ -203,6 +205,7 @@ def test_several_channels(records):
 def test_figure(records):
     """The range of the single fits is there where every record can be fitted alone."""
     fit = gj.fit_records(records[:2], "WN + RW")
+    assert_shows(fit.plot(), gj.plotting.joint_fit_data(fit))
     labels = [text.get_text() for text in fit.plot().axes[0].get_legend().get_texts()]
     assert labels == ["range of single fits", "record 1", "record 2", "joint fit"]
     short = {k: getattr(records[1], k)[:1] for k in ("scales", "variance", "ci_low", "ci_high")}

@@ -6,6 +6,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from drawn import assert_shows
 from scipy import stats
 
 import gmwm_jax as gj
@@ -98,6 +99,7 @@ def test_who_varies_is_found(joint, varied):
     assert other["WN", "sigma2"].p_value > 1e-3
     assert "same parameters? chi-square" in str(other)
     assert len(other.plot().axes) == 3
+    assert_shows(other.plot(), gj.plotting.record_comparison_data(other))
     with pytest.raises(KeyError, match=r"No parameter \('WN', 'beta'\); there are \('WN', 'sigma2'\)"):
         other["WN", "beta"]
 
@@ -142,6 +144,7 @@ def test_share_of_objectives(joint, same_test):
     assert same_test.p_value == (1 + at_least) / 301
     assert same_test.p_value > 0.01
     assert "p = " in str(same_test)
+    assert_shows(same_test.plot(), gj.plotting.near_stationarity_data(same_test))
     assert same_test.plot().axes[0].get_xlabel() == "joint objective"
 
 
@@ -236,6 +239,7 @@ def test_the_truth_is_recommended(cv):
     assert "recommended" in str(cv)
     assert [p.score for p in cv.scores] == sorted(p.score for p in cv.scores)
     assert len(cv.plot().axes[0].get_yticklabels()) == 2
+    assert_shows(cv.plot(), gj.plotting.cross_validation_data(cv))
     with pytest.raises(KeyError, match="No model 'RW'; there are"):
         cv["RW"]
 

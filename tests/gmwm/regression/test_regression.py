@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drawn import assert_shows
 
 import gmwm_jax as gj
 from gmwm_jax.variance.blocked import host_wavelet_variance
@@ -186,6 +187,7 @@ def test_the_figure_shows_data_residuals_and_noise(num, key):
     y[10:300] = np.nan
     r = gj.regress(y, gj.regression.trend(np.arange(num)), "WN", rate=1.0, unit="rad/s", name="gyro_x")
     figure = r.plot()
+    assert_shows(figure, gj.plotting.regression_data(r))
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert "gyro_x [rad/s]" in labels
     assert "residual [rad/s]" in labels
