@@ -80,11 +80,20 @@ def parameters(fits: list[gj.Fit]) -> list[gj.fitting.EstimateTable]:
         return list(pool.map(lambda f: f.parameters(), fits))
 
 
-def together(wvs: list[gj.variance.WaveletVariance]) -> gj.variance.WaveletVariance:
+def together(wvs: list[gj.variance.WaveletVariance]) -> gj.variance.WaveletVariances:
     """Replicates as the channels of one wavelet variance."""
     stacked = {k: np.column_stack([getattr(w, k) for w in wvs]) for k in ("variance", "ci_low", "ci_high")}
     names = tuple(f"replicate_{i}" for i in range(len(wvs)))
-    return replace(wvs[0], **stacked, channels=names, units=("1",) * len(wvs))
+    one = wvs[0]
+    return gj.variance.WaveletVariances(
+        one.scales,
+        **stacked,
+        num_samples=one.num_samples,
+        level=one.level,
+        rate=one.rate,
+        channels=names,
+        units=("1",) * len(wvs),
+    )
 
 
 def fit_all(wvs: list[gj.variance.WaveletVariance], model: str, omega: str | None = None) -> list[gj.Fit]:

@@ -27,13 +27,13 @@ R_SECONDS = 3.086
 UNITS = {"Gyro": "rad/s", "Accel": "m/s^2"}
 
 
-def mti_g() -> gj.variance.WaveletVariance:
+def mti_g() -> gj.variance.WaveletVariances:
     """The published wavelet variances of the MTi-G's six channels."""
     library = json.loads(shared("reference", "imu_wv_library.json").read_text())["MTiG"]
     columns = {k: np.column_stack([c[k] for c in library.values()]) for k in ("variance", "ci_low", "ci_high")}
     one = next(iter(library.values()))
     units = tuple(UNITS[name.split(".")[0]] for name in library)
-    return gj.variance.WaveletVariance(
+    return gj.variance.WaveletVariances(
         np.array(one["scales"], dtype=float),
         **columns,
         num_samples=one["N"],

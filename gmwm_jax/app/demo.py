@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
-from gmwm_jax.fitting.result import Fits
+from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.fitting.tables import Estimate, continuous_table
 from gmwm_jax.recordings import datasets
 from gmwm_jax.variance.allan import allan_deviation
-from gmwm_jax.variance.wavelet import wavelet_variance
+from gmwm_jax.variance.wavelet import WaveletVariances, wavelet_variance
 
 _SENSOR = "mti-g"
 _MODEL = "WN + RW + 2*GM"
@@ -21,7 +22,7 @@ _SIMPLER = {"noise_model_wn.json": "WN", "noise_model_wn_gm.json": "WN + GM"}
 """What a hasty user would fit to the same wavelet variances, for a comparison of filters."""
 
 
-def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
+def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Channels[Fit]:
     """Simulate, estimate, compare; write figures, tables and JSON to a folder.
 
     Parameters
@@ -35,13 +36,14 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
 
     Returns
     -------
-    Fits
+    Channels
         One fit a channel.
     """
     out.mkdir(parents=True, exist_ok=True)
     rec = datasets.simulated(_SENSOR, num_samples)
     say(f"{rec}\n")
     wv = wavelet_variance(rec)
+    assert isinstance(wv, WaveletVariances)  # of the sensor's channels
     fits = fit(wv, _MODEL, throw=False)
     gyro, accel = fits["gyro_x"], fits["accel_x"]
     say(f"{gyro}\n\n{fits}\n")
@@ -68,7 +70,7 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Fits:
     return fits
 
 
-def compare_with_truth(fits: Fits) -> str:
+def compare_with_truth(fits: Channels[Fit]) -> str:
     """Tabulate the estimates of a simulated sensor beside the values it was simulated with, in datasheet units."""
     truth = datasets.sensor_models(_SENSOR)
     rows, inside, total = [], 0, 0

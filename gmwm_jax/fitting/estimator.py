@@ -2,23 +2,24 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, overload
 
 import jax
 import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, concrete, confidence, require_x64, typed_key
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.problem import Problem
-from gmwm_jax.fitting.result import Fit, Fits, Status
+from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.search import SIZE, Data, Layout, Solution, minimise, smallest_slope
 from gmwm_jax.fitting.weights import AbstractWeights, WeightsLike, as_weights
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
-from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
 
 _BEYOND = "beyond floating point: take other units, or scale the data."
 
@@ -26,8 +27,9 @@ _SETTLED = 1e-6
 """Relative change of the fitted variance at which iterated weights are final."""
 
 
+@overload
 def fit(
-    data: WaveletVariance | Recording,
+    data: WaveletVariance,
     model: str | AbstractProcess | Composite,
     *,
     rate: float | None = None,
@@ -35,7 +37,39 @@ def fit(
     key: PRNGKey | None = None,
     level: float = 0.95,
     throw: bool = True,
-) -> Any:
+) -> Fit: ...
+@overload
+def fit(
+    data: WaveletVariances,
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    weights: WeightsLike = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> Channels[Fit]: ...
+@overload
+def fit(
+    data: Recording,
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    weights: WeightsLike = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> Fit | Channels[Fit]: ...
+def fit(
+    data: WaveletVariance | WaveletVariances | Recording,
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    weights: WeightsLike = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> Fit | Channels[Fit]:
     """Fit a model to a wavelet variance by the Generalized Method of Wavelet Moments.
 
     Parameters
@@ -63,7 +97,7 @@ def fit(
 
     Returns
     -------
-    Fit for one channel, Fits for several.
+    Fit for one channel, `Channels` of them by name for several.
 
     Raises
     ------
@@ -113,7 +147,7 @@ def fit(
         for f in fits:
             if f.status is not Status.converged:
                 raise RuntimeError(f"{f.wv.channels[0]}: {f.status.value}. throw=False returns the fit as it is.")
-    return fits[0] if wv.is_single else Fits(tuple(fits))
+    return fits[0] if isinstance(wv, WaveletVariance) else Channels.of(wv.channels, fits)
 
 
 def fit_by_steps(
@@ -270,10 +304,14 @@ def objective(
     TypeError
         No wavelet variance.
     """
-    wv = as_wavelet_variance(wv, "objective")
-    if not wv.is_single:
-        raise ValueError(f"Choose one channel, as in wv[{wv.channels[0]!r}]: there are {wv.channels}.")
-    omega, fitted = as_weights(weights).omega(wv), as_model(model).wavelet_variance(wv.scales)
+    one = as_wavelet_variance(wv, "objective")
+    if not isinstance(one, WaveletVariance):
+        raise ValueError(f"Choose one channel, as in wv[{one.channels[0]!r}]: there are {one.channels}.")
+    return _objective(one, as_model(model), as_weights(weights))
+
+
+def _objective(wv: WaveletVariance, model: Composite, weights: AbstractWeights) -> float | Array:
+    omega, fitted = weights.omega(wv), model.wavelet_variance(wv.scales)
     seen = concrete(fitted)
     residual = wv.variance - (fitted if seen is None else seen)
     value: Any = residual @ omega @ residual

@@ -1,7 +1,7 @@
 """What a fit is: the estimates, how sure they are, in which units, and how well they describe the data."""
 
 import enum
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -264,6 +264,19 @@ class Fit(Drawable):
     def __repr__(self) -> str:
         return self.summary()
 
+    @classmethod
+    def table_of(cls, fits: Sequence["Fit"], /) -> str:
+        """Fits of several channels as text: objective, status and the parameters per sample of each."""
+        symbols = [f"{e.component}.{e.symbol}" for e in fits[0].parameters()]
+        head = ["channel", "unit", "objective", "status", *symbols]
+        rows = [
+            [f.wv.channels[0], f.unit, number(f.objective, 7), f.status.name]
+            + [number(e.value) + ("*" if e.at_boundary else "") for e in f.parameters()]
+            for f in fits
+        ]
+        foot = "\n* at its boundary" if any(f.at_boundary for f in fits) else ""
+        return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
+
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain numbers and texts, for JSON; what is not identified is None."""
         result = {
@@ -300,36 +313,3 @@ class Fit(Drawable):
 
 def _lines(model: Composite) -> Array:
     return model.parameter_lines()
-
-
-@dataclass(frozen=True, repr=False)
-class Fits(Mapping[str, Fit], Drawable):
-    """The fits of one model to several channels, by name of the channel."""
-
-    fits: tuple[Fit, ...]
-
-    def __getitem__(self, channel: str | int) -> Fit:
-        if isinstance(channel, int):
-            return self.fits[channel]
-        for f in self.fits:
-            if f.wv.channels[0] == channel:
-                return f
-        raise KeyError(f"No channel {channel!r}; there are {', '.join(self)}.")
-
-    def __iter__(self) -> Iterator[str]:
-        return (f.wv.channels[0] for f in self.fits)
-
-    def __len__(self) -> int:
-        return len(self.fits)
-
-    def __repr__(self) -> str:
-        """One row a channel: objective, status and the parameters per sample."""
-        symbols = [f"{e.component}.{e.symbol}" for e in self.fits[0].parameters()]
-        head = ["channel", "unit", "objective", "status", *symbols]
-        rows = [
-            [f.wv.channels[0], f.unit, number(f.objective, 7), f.status.name]
-            + [number(e.value) + ("*" if e.at_boundary else "") for e in f.parameters()]
-            for f in self.fits
-        ]
-        foot = "\n* at its boundary" if any(f.at_boundary for f in self.fits) else ""
-        return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"

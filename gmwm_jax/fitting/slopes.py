@@ -17,6 +17,7 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
+from gmwm_jax.variance.wavelet import WaveletVariance
 
 
 def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
@@ -162,5 +163,5 @@ def _rate(adev: AllanDeviation) -> float:
 
 
 def _require_single(adev: AllanDeviation) -> None:
-    if not adev.wv.is_single:
+    if not isinstance(adev.wv, WaveletVariance):
         raise ValueError(f"Choose one channel, as in adev[{adev.wv.channels[0]!r}]: there are {adev.wv.channels}.")

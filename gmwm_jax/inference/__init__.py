@@ -6,5 +6,4 @@ from gmwm_jax.inference.goodness import GoodnessOfFit as GoodnessOfFit
 from gmwm_jax.inference.goodness import goodness_of_fit as goodness_of_fit
 from gmwm_jax.inference.selection import Candidate as Candidate
 from gmwm_jax.inference.selection import Selection as Selection
-from gmwm_jax.inference.selection import Selections as Selections
 from gmwm_jax.inference.selection import select as select

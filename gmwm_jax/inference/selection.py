@@ -10,7 +10,7 @@ under the superset forgives: it is tested with its own. The simplest that passes
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
@@ -26,7 +27,7 @@ from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit
-from gmwm_jax.fitting.result import Fit, Fits, Status
+from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.sweep import Sweep, sweep
 from gmwm_jax.fitting.weights import WeightsLike
 from gmwm_jax.inference._criterion import optimism, projection, standard_error
@@ -36,7 +37,7 @@ from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.replicates import theory_draws
-from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
 
 _REJECTED = 0.01
 
@@ -192,6 +193,18 @@ class Selection(Mapping[str, Candidate], Drawable):
             lines += [f"No model describes every scale: the recommended one has p = {self.recommended.p_value:.2g}."]
         return "\n".join(lines)
 
+    @classmethod
+    def table_of(cls, selections: Sequence["Selection"], /) -> str:
+        """Selections for several channels as text: what is recommended for each, and how it compares."""
+        rows = []
+        for s in selections:
+            r = s.recommended
+            numbers = [number(r.objective, 6), number(r.criterion, 6), number(r.p_value, 2), str(len(s.equivalent))]
+            channel, unit = s.superset.wv.channels[0], s.superset.unit
+            rows.append([channel, unit, r.name, str(r.num_parameters), *numbers, s.best.name])
+        head = ["channel", "unit", "recommended", "parameters", "objective", "WVIC", "p of fit", "equivalent", "lowest"]
+        return f"Model selections, of {len(selections[0])} models each\n{format_table(head, rows, left=3)}"
+
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain numbers and texts, for JSON."""
         return {
@@ -207,42 +220,12 @@ class Selection(Mapping[str, Candidate], Drawable):
         }
 
 
-@dataclass(frozen=True, repr=False)
-class Selections(Mapping[str, Selection], Drawable):
-    """Selections for several channels, by name of the channel."""
-
-    selections: tuple[Selection, ...]
-
-    def __getitem__(self, channel: str | int) -> Selection:
-        if isinstance(channel, int):
-            return self.selections[channel]
-        for s in self.selections:
-            if s.superset.wv.channels[0] == channel:
-                return s
-        raise KeyError(f"No channel {channel!r}; there are {', '.join(self)}.")
-
-    def __iter__(self) -> Iterator[str]:
-        return (s.superset.wv.channels[0] for s in self.selections)
-
-    def __len__(self) -> int:
-        return len(self.selections)
-
-    def __repr__(self) -> str:
-        """One row a channel: what is recommended, and how it compares."""
-        rows = []
-        for channel, s in self.items():
-            r = s.recommended
-            numbers = [number(r.objective, 6), number(r.criterion, 6), number(r.p_value, 2), str(len(s.equivalent))]
-            rows.append([channel, s.superset.unit, r.name, str(r.num_parameters), *numbers, s.best.name])
-        head = ["channel", "unit", "recommended", "parameters", "objective", "WVIC", "p of fit", "equivalent", "lowest"]
-        return f"Model selections, of {len(self.selections[0])} models each\n{format_table(head, rows, left=3)}"
-
-
 Model = str | AbstractProcess | Composite
 
 
+@overload
 def select(
-    data: WaveletVariance | Recording,
+    data: WaveletVariance,
     models: Model | Sequence[Model],
     *,
     nested: bool = True,
@@ -252,7 +235,45 @@ def select(
     key: PRNGKey | None = None,
     level: float = 0.95,
     progress: bool = False,
-) -> Any:
+) -> Selection: ...
+@overload
+def select(
+    data: WaveletVariances,
+    models: Model | Sequence[Model],
+    *,
+    nested: bool = True,
+    rate: float | None = None,
+    weights: WeightsLike = "covariance",
+    num_replicates: int = 0,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    progress: bool = False,
+) -> Channels[Selection]: ...
+@overload
+def select(
+    data: Recording,
+    models: Model | Sequence[Model],
+    *,
+    nested: bool = True,
+    rate: float | None = None,
+    weights: WeightsLike = "covariance",
+    num_replicates: int = 0,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    progress: bool = False,
+) -> Selection | Channels[Selection]: ...
+def select(
+    data: WaveletVariance | WaveletVariances | Recording,
+    models: Model | Sequence[Model],
+    *,
+    nested: bool = True,
+    rate: float | None = None,
+    weights: WeightsLike = "covariance",
+    num_replicates: int = 0,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    progress: bool = False,
+) -> Selection | Channels[Selection]:
     """Rank models by how well they would describe other data of the same sensor, and recommend the simplest good one.
 
     Parameters
@@ -280,7 +301,7 @@ def select(
 
     Returns
     -------
-    Selection for one channel, Selections for several.
+    Selection for one channel, `Channels` of them by name for several.
 
     Raises
     ------
@@ -309,9 +330,9 @@ def select(
     wv = as_wavelet_variance(data, "select")
     wv.require_theory("Criteria")
     found = fit(wv, superset, rate=rate, weights=weights, level=level)
-    fits = tuple(found.values()) if isinstance(found, Fits) else (found,)
+    fits = (found,) if isinstance(found, Fit) else tuple(found.values())
     selections = tuple(_select(f, superset, subsets, num_replicates, key, progress) for f in fits)
-    return selections[0] if wv.is_single else Selections(selections)
+    return selections[0] if isinstance(wv, WaveletVariance) else Channels.of(wv.channels, selections)
 
 
 def _candidates(models: Model | Sequence[Model], nested: bool) -> tuple[Composite, list[Subset]]:

@@ -7,7 +7,6 @@ from gmwm_jax.multisignal.cross_validation import CrossValidation as CrossValida
 from gmwm_jax.multisignal.cross_validation import ModelScore as ModelScore
 from gmwm_jax.multisignal.cross_validation import cross_validate as cross_validate
 from gmwm_jax.multisignal.joint import JointFit as JointFit
-from gmwm_jax.multisignal.joint import JointFits as JointFits
 from gmwm_jax.multisignal.joint import fit_records as fit_records
 from gmwm_jax.multisignal.resampling import RecordResamples as RecordResamples
 from gmwm_jax.multisignal.resampling import resample_records as resample_records

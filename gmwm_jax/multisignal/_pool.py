@@ -6,17 +6,20 @@ sum is estimated as a single record is. A short record has no weight at scales t
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate
+from gmwm_jax.processes.base import Composite
 from gmwm_jax.recordings.recording import Recording
-from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
+from gmwm_jax.variance.estimator import AbstractEstimator, Estimated
+from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance, WaveletVariances, as_wavelet_variance
 
 
-def as_records(data: Any, caller: str) -> tuple[WaveletVariance, ...]:
+def as_records(data: Any, caller: str) -> tuple[WaveletVariance, ...] | tuple[WaveletVariances, ...]:
     """Return the wavelet variances of records of one sensor.
 
     Parameters
@@ -34,14 +37,14 @@ def as_records(data: Any, caller: str) -> tuple[WaveletVariance, ...]:
     TypeError
         One record instead of several, or something else.
     """
-    if isinstance(data, (WaveletVariance, Recording)) or not isinstance(data, Sequence) or isinstance(data, str):
+    if isinstance(data, AbstractWaveletVariance | Recording) or not isinstance(data, Sequence) or isinstance(data, str):
         raise TypeError(
             f"{caller}() takes a list of WaveletVariances or Recordings, one a record, not {type(data).__name__}; "
             "fit() takes a single one."
         )
     if len(data) < 2:
         raise ValueError(f"{caller}() takes two records or more, and there are {len(data)}: fit() takes a single one.")
-    records = tuple(as_wavelet_variance(record, caller) for record in data)
+    records: Any = tuple(as_wavelet_variance(record, caller) for record in data)
     first = records[0]
     longest = max(records, key=lambda wv: wv.num_scales)
     for i, wv in enumerate(records, start=1):
@@ -132,13 +135,89 @@ def whitened(
     return np.swapaxes(lower, 1, 2) * scale[:, None, :], y
 
 
-def pooled(records: Sequence[WaveletVariance], both: Pool) -> tuple[WaveletVariance, Float[np.ndarray, "J J"]]:
+@dataclass(frozen=True, eq=False)
+class MeanOfRecords(AbstractEstimator):
+    """nu_bar = Omega^-1 sum_i Omega_i nu_i as an estimator, whose covariance is known if that of the records is."""
+
+    has_theory: ClassVar[bool] = False  # of a record that could be replicated
+    records: tuple[WaveletVariance, ...]
+    omegas: tuple[Float[np.ndarray, "_ _"], ...]
+
+    @property
+    def of_record(self) -> AbstractEstimator:
+        """That of every record."""
+        return self.records[0].estimator
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return f"mean of {len(self.records)} records, {self.of_record.name}"
+
+    @property
+    def efficiency(self) -> float | None:
+        """That of every record."""
+        return self.of_record.efficiency
+
+    @property
+    def title(self) -> str:
+        """That of every record."""
+        return self.of_record.title
+
+    def estimate(self, data: Any, names: Any, num_levels: Any, *, scratch: Any = None) -> Estimated:
+        """Raise a ValueError: it takes wavelet variances, not a record."""
+        raise ValueError("A mean of records is made by fit_records(), from the wavelet variances of all.")
+
+    def require_fittable(self, model: Composite) -> None:
+        """Raise a ValueError for a model that the estimator of the records is biased under."""
+        self.of_record.require_fittable(model)
+
+    def covariance(self, model: Composite, num_samples: Any, num_levels: int, present: Any) -> Any:
+        """Omega^-1 (sum_i Omega_i V_i Omega_i) Omega^-1, if the records are independent."""
+        covariances = covariances_of(self.records, model)
+        return None if covariances is None else mean_covariance(self.omegas, covariances, num_levels)
+
+
+def mean_of(wv: WaveletVariance) -> MeanOfRecords:
+    """Return the mean that a wavelet variance is."""
+    assert isinstance(wv.estimator, MeanOfRecords)
+    return wv.estimator
+
+
+def covariances_of(records: Sequence[WaveletVariance], model: Composite) -> tuple[Float[np.ndarray, "_ _"], ...] | None:
+    """Covariance of each record's wavelet variance under a model; None where one has no theory."""
+    known: dict[Any, Any] = {}
+    for wv in records:
+        length = wv.num_samples, wv.num_scales
+        if length not in known:
+            known[length] = wv.covariance_under(model)
+        if known[length] is None:
+            return None
+    return tuple(known[wv.num_samples, wv.num_scales] for wv in records)
+
+
+def mean_covariance(
+    omegas: Sequence[np.ndarray], covariances: Sequence[np.ndarray], J: int
+) -> Float[np.ndarray, "J J"]:
+    """Omega^-1 (sum_i Omega_i V_i Omega_i) Omega^-1 on J scales."""
+    total, scatter = np.zeros((J, J)), np.zeros((J, J))
+    for omega, V in zip(omegas, covariances, strict=True):
+        own = slice(len(omega))
+        total[own, own] += omega
+        scatter[own, own] += omega @ V @ omega
+    d = np.sqrt(np.diag(total))
+    inverse = np.linalg.inv(total / np.outer(d, d))
+    return (inverse @ (scatter / np.outer(d, d)) @ inverse) / np.outer(d, d)
+
+
+def pooled(
+    records: Sequence[WaveletVariance], omegas: Sequence[Float[np.ndarray, "_ _"]]
+) -> tuple[WaveletVariance, Float[np.ndarray, "J J"]]:
     """nu_bar as a wavelet variance, and Omega.
 
     Its intervals are those of a mean of independent records, on the log scale; no record of any length stands behind
     it, so it has no number of samples.
     """
-    longest = max(records, key=lambda wv: wv.num_scales)
+    longest, both = max(records, key=lambda wv: wv.num_scales), pool(records, omegas)
     omega = both.omegas.sum(axis=0)
     whitener, y = whitened(omega[None], both.moments.sum(axis=0)[None])
     mean = np.linalg.solve(whitener[0], y[0])
@@ -150,4 +229,5 @@ def pooled(records: Sequence[WaveletVariance], both: Pool) -> tuple[WaveletVaria
     with np.errstate(divide="ignore"):
         below, above = np.exp(-1 / np.sqrt(information[0])), np.exp(1 / np.sqrt(information[1]))
     values = (longest.scales, mean, mean * below, mean * above, None, longest.level, longest.rate)
-    return WaveletVariance(*values, longest.channels, longest.units, "", longest.estimator), omega
+    estimator = MeanOfRecords(tuple(records), tuple(omegas))
+    return WaveletVariance(*values, longest.channels, longest.units, "", estimator), omega

@@ -163,7 +163,7 @@ def compare_records(joint: JointFit) -> RecordComparison:
     covariances = joint.record_covariances
     if covariances is None:
         raise ValueError(f"There is no theory of the scatter of {joint.model}.")
-    active = list(joint.active)
+    active = list(joint.fit.active)
     if not active:
         raise ValueError(f"No parameter of {joint.model} is free and inside its range: there is nothing to compare.")
     x = np.stack([_on_the_line(single, joint) for single in joint.singles])
@@ -172,7 +172,7 @@ def compare_records(joint: JointFit) -> RecordComparison:
             np.asarray(
                 parameter_covariance(
                     joint.model,
-                    joint.active,
+                    joint.fit.active,
                     jnp.asarray(r.wv.scales),
                     jnp.asarray(np.linalg.cholesky(r.omega).T),
                     jnp.asarray(V),
@@ -201,7 +201,7 @@ def _on_the_line(single: Fit, joint: JointFit) -> Float[np.ndarray, " A"]:
     A component that is white noise or a random walk in one of them only is another process, variance included.
     """
     if single.status is not Status.converged:
-        return np.full(len(joint.active), np.nan)
+        return np.full(len(joint.fit.active), np.nan)
     known = [
         single.at_boundary.get(label) == joint.at_boundary.get(label)
         for label, p in zip(joint.model.labels, joint.model.processes, strict=True)
@@ -210,7 +210,7 @@ def _on_the_line(single: Fit, joint: JointFit) -> Float[np.ndarray, " A"]:
     inside = np.isin(np.arange(len(known)), single.active) & np.array(known)
     with np.errstate(divide="ignore"):
         values = np.where(inside, np.asarray(single.model.unconstrained()), np.nan)
-    return values[list(joint.active)]
+    return values[list(joint.fit.active)]
 
 
 def _statistic(x: Float[np.ndarray, "C A"], covariances: Float[np.ndarray, "C A A"]) -> float:

@@ -29,6 +29,7 @@ from gmwm_jax.multisignal._refit import joint_refit
 from gmwm_jax.multisignal.joint import JointFit, fit_records
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
+from gmwm_jax.variance.wavelet import WaveletVariance
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,8 @@ def cross_validate(
     if s >= R:
         raise ValueError(f"num_estimation={s} leaves none of {R} records to compare on.")
     splits, exact = _splits(R, s, integer("max_splits", max_splits, R), key)
-    fits = {text: fit_records(records, model) for text, model in posed.items()}
-    if records[0].is_single:
+    fits: dict[str, Any] = {text: fit_records(records, model) for text, model in posed.items()}
+    if isinstance(records[0], WaveletVariance):
         return _compare(fits, splits, exact, level)
     return {c: _compare({t: f[c] for t, f in fits.items()}, splits, exact, level) for c in records[0].channels}
 

@@ -1,45 +1,104 @@
 """What a joint fit of several records is: a fit whose data are their weighted mean, and each record's part in it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from jaxtyping import Float
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, typed_key
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit_by_steps, fit_channels
 from gmwm_jax.fitting.outcome import Outcome
-from gmwm_jax.fitting.result import Fit, Fits, Status
+from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.standard_errors import parameter_covariance
+from gmwm_jax.fitting.tables import EstimateTable
 from gmwm_jax.fitting.weights import AbstractWeights, Covariance, WeightsLike, as_weights
-from gmwm_jax.multisignal._pool import Pool, as_records, pool, pooled, record_names
+from gmwm_jax.multisignal._pool import (
+    Pool,
+    as_records,
+    covariances_of,
+    mean_covariance,
+    mean_of,
+    pool,
+    pooled,
+    record_names,
+)
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Fixed
 from gmwm_jax.processes.registry import as_model
-from gmwm_jax.variance.wavelet import WaveletVariance
+from gmwm_jax.recordings.recording import Recording
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances
 
 
 @dataclass(frozen=True, repr=False)
-class JointFit(Fit):
+class JointFit(Drawable):
     """One model fitted to several records of one channel (Bakalli et al. 2023).
 
-    It is a `Fit` whose `wv` is the weighted mean nu_bar of the records and whose `omega` is the sum of their weights.
     Its intervals hold if all records have the same parameters; `resample_records` gives intervals that do not need
     that, `compare_records` and `near_stationarity` tell whether it is so.
 
     Attributes
     ----------
-    objective
-        The sum of the objectives of the records: what nu(theta) misses of their mean, and their scatter about it.
+    fit
+        The fit to the weighted mean nu_bar of the records, with the sum of their weights as its `omega`; its tables,
+        intervals and figures are those of the joint estimate.
     records
         The joint model as a fit of each record: wavelet variance, weights, objective and residuals of its own.
     """
 
-    records: tuple[Fit, ...] = ()
+    fit: Fit
+    records: tuple[Fit, ...]
+
+    @property
+    def model(self) -> Composite:
+        """The estimated model."""
+        return self.fit.model
+
+    @property
+    def wv(self) -> WaveletVariance:
+        """The weighted mean of the records."""
+        return self.fit.wv
+
+    @property
+    def weights(self) -> AbstractWeights:
+        """Of every record."""
+        return self.fit.weights
+
+    @property
+    def status(self) -> Status:
+        """How the search ended."""
+        return self.fit.status
+
+    @property
+    def rate(self) -> float | None:
+        """Hz, None if unknown."""
+        return self.fit.rate
+
+    @property
+    def level(self) -> float:
+        """Confidence of the intervals."""
+        return self.fit.level
+
+    @property
+    def at_boundary(self) -> Mapping[str, Outcome]:
+        """What became of components that are at a boundary, see `Fit`."""
+        return self.fit.at_boundary
+
+    @property
+    def reduced(self) -> Composite:
+        """The model that the data show, see `Fit.reduced`."""
+        return self.fit.reduced
+
+    @cached_property
+    def objective(self) -> float:
+        """The sum of the objectives of the records: what nu(theta) misses of their mean, and their scatter about it."""
+        return float(np.sum([r.objective for r in self.records]))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,28 +113,14 @@ class JointFit(Fit):
     @cached_property
     def record_covariances(self) -> tuple[Float[np.ndarray, "_ _"], ...] | None:
         """Covariance of each record's wavelet variance under the joint model; None where one has no theory."""
-        known: dict[Any, Any] = {}
-        for r in self.records:
-            length = r.wv.num_samples, r.wv.num_scales
-            if length not in known:
-                known[length] = r.wv_covariance
-            if known[length] is None:
-                return None
-        return tuple(known[r.wv.num_samples, r.wv.num_scales] for r in self.records)
+        return covariances_of([r.wv for r in self.records], self.model)
 
-    @cached_property
-    def wv_covariance(self) -> Float[np.ndarray, "J J"] | None:
-        """Covariance of nu_bar, Omega^-1 (sum_i Omega_i V_i Omega_i) Omega^-1, if the records are independent."""
-        if self.record_covariances is None:
-            return None
-        return _mean_covariance([r.omega for r in self.records], self.record_covariances, self.wv.num_scales)
-
-    def weights_efficiency(self, omega: Any = None) -> Float[np.ndarray, " P"] | None:
-        """Smallest variance that weights can give, over that with `omega`, of each active parameter; to first order.
+    def weights_efficiency(self, omegas: Sequence[np.ndarray] | None = None) -> Float[np.ndarray, " P"] | None:
+        """Smallest variance that weights can give, over that with `omegas`, of each active parameter; to first order.
 
         Parameters
         ----------
-        omega
+        omegas
             One matrix a record, by default those of this fit.
 
         Returns
@@ -83,17 +128,17 @@ class JointFit(Fit):
         Between 0 and 1; None where there is no theory of the wavelet variance.
         """
         covariances = self.record_covariances
-        if covariances is None or not self.active:
+        if covariances is None or not self.fit.active:
             return None
         best = [Covariance().omega(r.wv, self.model, V) for r, V in zip(self.records, covariances, strict=True)]
-        used = [r.omega for r in self.records] if omega is None else list(omega)
+        used = [r.omega for r in self.records] if omegas is None else list(omegas)
         return np.diag(self._sandwich(best, covariances)) / np.diag(self._sandwich(used, covariances))
 
     def _sandwich(self, omegas: Sequence[np.ndarray], covariances: Sequence[np.ndarray]) -> np.ndarray:
-        J = self.wv.num_scales
         total = pool([r.wv for r in self.records], omegas).omegas.sum(axis=0)
-        V = _mean_covariance(omegas, covariances, J)
-        return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(total).T, V))
+        V = mean_covariance(omegas, covariances, self.wv.num_scales)
+        whitener = np.linalg.cholesky(total).T
+        return np.asarray(parameter_covariance(self.model, self.fit.active, self.wv.scales, whitener, V))
 
     @cached_property
     def singles(self) -> tuple[Fit, ...]:
@@ -112,15 +157,35 @@ class JointFit(Fit):
         options: Any = {"rate": self.rate, "key": None, "level": self.level, "weights": self.weights}
         return tuple(fit_channels([r.wv], model, [r.omega], **options)[0] for r in self.records)
 
+    def parameters(self) -> EstimateTable:
+        """The parameters per sample, see `Fit.parameters`."""
+        return self.fit.parameters()
+
+    def continuous(self, rate: float | None = None) -> EstimateTable:
+        """What a Kalman filter wants, see `Fit.continuous`."""
+        return self.fit.continuous(rate)
+
+    def datasheet(self, rate: float | None = None) -> EstimateTable:
+        """The same in the units of datasheets, see `Fit.datasheet`."""
+        return self.fit.datasheet(rate)
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    @classmethod
+    def table_of(cls, joints: Sequence["JointFit"], /) -> str:
+        """Joint fits of several channels as text: objective, status and the parameters per sample of each."""
+        return Fit.table_of([replace(j.fit, objective=j.objective) for j in joints])
+
     def summary(self) -> str:
         """All of it as text."""
         wv = self.wv
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         lines = [
             f"{wv.estimator.title}GMWM fit of {' + '.join(self.model.labels)} to {len(self.records)} records of "
-            f"{wv.channels[0]} [{self.unit}]{rate}",
+            f"{wv.channels[0]} [{self.fit.unit}]{rate}",
             f"objective {self.objective:.8g} ({self.weights.name} weights) with {self.model.num_free} free parameters; "
-            f"{self.status.value}; {100 * self.agreement:.0f} % of the descents came to this minimum",
+            f"{self.status.value}; {100 * self.fit.agreement:.0f} % of the descents came to this minimum",
             "",
             str(self.parameters()),
         ]
@@ -131,7 +196,7 @@ class JointFit(Fit):
             for name, r in zip(self.names, self.records, strict=True)
         ]
         lines += ["", format_table(["record", "samples", "scales", "objective"], rows)]
-        if self.wv_covariance is None:
+        if self.fit.wv_covariance is None:
             lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, the MODWT, no SIN."]
         else:
             lines += ["", "Intervals are those of records that all have the same parameters."]
@@ -151,37 +216,16 @@ class JointFit(Fit):
             }
             for name, r in zip(self.names, self.records, strict=True)
         ]
-        return {**super().to_dict(), "records": records}
-
-
-@dataclass(frozen=True, repr=False)
-class JointFits(Fits):
-    """The joint fits of one model to several channels, by name of the channel."""
-
-    fits: tuple[JointFit, ...]
+        return {**self.fit.to_dict(), "objective": self.objective, "records": records}
 
 
 def one_channel(joint: Any, caller: str) -> JointFit:
     """Return a joint fit, or raise a TypeError that says how to come by one."""
-    if isinstance(joint, JointFits):
+    if isinstance(joint, Channels):
         raise TypeError(f"{caller}() takes one channel, as in joint[{next(iter(joint))!r}].")
     if not isinstance(joint, JointFit):
         raise TypeError(f"{caller}() takes the result of fit_records(), not {type(joint).__name__}.")
     return joint
-
-
-def _mean_covariance(
-    omegas: Sequence[np.ndarray], covariances: Sequence[np.ndarray], J: int
-) -> Float[np.ndarray, "J J"]:
-    """Omega^-1 (sum_i Omega_i V_i Omega_i) Omega^-1 on J scales."""
-    total, scatter = np.zeros((J, J)), np.zeros((J, J))
-    for omega, V in zip(omegas, covariances, strict=True):
-        own = slice(len(omega))
-        total[own, own] += omega
-        scatter[own, own] += omega @ V @ omega
-    d = np.sqrt(np.diag(total))
-    inverse = np.linalg.inv(total / np.outer(d, d))
-    return (inverse @ (scatter / np.outer(d, d)) @ inverse) / np.outer(d, d)
 
 
 def _unfitted(joint: JointFit) -> Composite:
@@ -198,6 +242,39 @@ def _unfitted(joint: JointFit) -> Composite:
     return Composite(processes)
 
 
+@overload
+def fit_records(
+    data: Sequence[WaveletVariance],
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    weights: WeightsLike = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> JointFit: ...
+@overload
+def fit_records(
+    data: Sequence[WaveletVariances],
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    weights: WeightsLike = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> Channels[JointFit]: ...
+@overload
+def fit_records(
+    data: Sequence[WaveletVariance | WaveletVariances] | Sequence[Recording],
+    model: str | AbstractProcess | Composite,
+    *,
+    rate: float | None = None,
+    weights: WeightsLike = None,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+    throw: bool = True,
+) -> JointFit | Channels[JointFit]: ...
 def fit_records(
     data: Any,
     model: str | AbstractProcess | Composite,
@@ -207,7 +284,7 @@ def fit_records(
     key: PRNGKey | None = None,
     level: float = 0.95,
     throw: bool = True,
-) -> Any:
+) -> JointFit | Channels[JointFit]:
     """Fit one model to several records of a sensor: replicates of a calibration, or units of a series.
 
     The estimate minimises sum_i (nu_i - nu(theta))' Omega_i (nu_i - nu(theta)) over all records i (Bakalli, Radi,
@@ -226,7 +303,7 @@ def fit_records(
 
     Returns
     -------
-    JointFit for one channel, JointFits for several.
+    JointFit for one channel, `Channels` of them by name for several.
 
     Raises
     ------
@@ -252,44 +329,32 @@ def fit_records(
             wv.require_theory(f'Weights "{weights.name}"')
     channels = [[wv[c] for wv in records] for c in range(len(records[0].channels))]
 
-    def search(omegas: list[list[np.ndarray]], weights: AbstractWeights) -> list[Any]:
-        return _joint_channels(channels, model, omegas, rate=rate, key=key, level=level, weights=weights)
+    def search(omegas: list[list[np.ndarray]], weights: AbstractWeights) -> list[Fit]:
+        means = [pooled(wvs, own) for wvs, own in zip(channels, omegas, strict=True)]
+        options: Any = {"rate": rate, "key": key, "level": level, "weights": weights}
+        return fit_channels([wv for wv, _ in means], model, [omega for _, omega in means], **options)
 
-    def omegas_of(weights: AbstractWeights, c: int, before: Any) -> list[Float[np.ndarray, "_ _"]]:
+    def omegas_of(weights: AbstractWeights, c: int, before: Fit | None) -> list[Float[np.ndarray, "_ _"]]:
         if before is None:
             return [weights.omega(wv) for wv in channels[c]]
         if before.status is Status.non_finite:  # the weights that it had
-            return [r.omega for r in before.records]
-        covariances = before.record_covariances if weights.needs_theory else None
-        covariances = [None] * len(records) if covariances is None else covariances
+            return list(mean_of(before.wv).omegas)
+        known = covariances_of(channels[c], before.model) if weights.needs_theory else None
+        covariances = [None] * len(records) if known is None else known
         return [weights.omega(wv, before.model, V) for wv, V in zip(channels[c], covariances, strict=True)]
 
-    fits: list[JointFit] = fit_by_steps(weights, len(channels), omegas_of, search)  # type: ignore[assignment]
+    fits = fit_by_steps(weights, len(channels), omegas_of, search)
     if throw:
         for f in fits:
             if f.status is not Status.converged:
                 raise RuntimeError(f"{f.wv.channels[0]}: {f.status.value}. throw=False returns the fit as it is.")
-    return fits[0] if records[0].is_single else JointFits(tuple(fits))
+    joints = [_joint(f) for f in fits]
+    return joints[0] if isinstance(records[0], WaveletVariance) else Channels.of(records[0].channels, joints)
 
 
-def _joint_channels(
-    channels: list[list[WaveletVariance]],
-    model: Composite,
-    omegas: list[list[Float[np.ndarray, "_ _"]]],
-    **options: Any,
-) -> list[JointFit]:
-    """Fit all channels, each with the weights of its records, in one compiled call."""
-    pools = [pool(wvs, own) for wvs, own in zip(channels, omegas, strict=True)]
-    means = [pooled(wvs, both) for wvs, both in zip(channels, pools, strict=True)]
-    fits = fit_channels([wv for wv, _ in means], model, [o for _, o in means], **options)
-    return [_joint(f, wvs, own, both) for f, wvs, own, both in zip(fits, channels, omegas, pools, strict=True)]
-
-
-def _joint(fit: Fit, wvs: list[WaveletVariance], omegas: list[np.ndarray], both: Pool) -> JointFit:
+def _joint(fit: Fit) -> JointFit:
     """The fit of a mean as that of its records."""
-    parts = both.objectives(fit.fitted[None])[0]
-    records = tuple(
-        replace(fit, wv=wv, omega=omega, objective=float(q)) for wv, omega, q in zip(wvs, omegas, parts, strict=True)
-    )
-    known = {f.name: getattr(fit, f.name) for f in fields(Fit)}
-    return JointFit(**{**known, "objective": float(parts.sum())}, records=records)
+    mean = mean_of(fit.wv)
+    parts = pool(mean.records, mean.omegas).objectives(fit.fitted[None])[0]
+    records = zip(mean.records, mean.omegas, parts, strict=True)
+    return JointFit(fit, tuple(replace(fit, wv=wv, omega=omega, objective=float(q)) for wv, omega, q in records))

@@ -134,8 +134,8 @@ class RecordResamples:
         return self.joint.level if level is None else confidence(level)
 
     def _continuous(self, table: EstimateTable, kind: str, level: float | None) -> EstimateTable:
-        ends = self._ends(self.joint.log_quantities, kind, self._level(level))
-        return self._table(table, in_table(self.joint, table, *ends), kind, level)
+        ends = self._ends(self.joint.fit.log_quantities, kind, self._level(level))
+        return self._table(table, in_table(self.joint.fit, table, *ends), kind, level)
 
     def _table(self, table: EstimateTable, shown: list[Estimate], kind: str, level: float | None) -> EstimateTable:
         title = f"{table.title}, {kind} intervals by resampling {self.counts.shape[1]} records"

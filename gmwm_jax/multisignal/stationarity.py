@@ -145,7 +145,7 @@ def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
         raise ValueError(f'route is "{VARIANCES}" or "{RECORDS}", and is {route!r}.')
     for name, r in zip(joint.names, joint.records, strict=True):
         r.wv.require_theory(f"Replicates (record {name})")
-    if np.any(joint.fitted <= 0):
+    if np.any(joint.fit.fitted <= 0):
         raise ValueError(f"{joint.model} has no variance at some scale: there is nothing to replicate.")
     if route == RECORDS:
         if not joint.wv.estimator.replicates_records:

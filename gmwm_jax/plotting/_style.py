@@ -1,22 +1,42 @@
 """What the figures share: colours, labels, how variances are drawn, and the registry at which figures register."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.drawing import registry
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, new_figure, put
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
-from gmwm_jax.variance.wavelet import WaveletVariance
+from gmwm_jax.variance.wavelet import AbstractWaveletVariance
 
 draw = registry("gmwm_jax")
 """Draw a result by the function that has registered for its class: ``draw(result, **options)`` is `result.plot`."""
+
+_OF_CHANNELS: dict[type, Callable[..., Figure]] = {}
+
+
+def draws_channels_of(result: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
+    """Register a function that draws several results of a class, one for each channel."""
+
+    def register(function: Callable[..., Figure]) -> Callable[..., Figure]:
+        _OF_CHANNELS[result] = function
+        return function
+
+    return register
+
+
+@draw.register(Channels)
+def _draw_channels(channels: Channels[Any], **options: Any) -> Figure:
+    return _OF_CHANNELS[type(channels[0])](channels, **options)
+
 
 DATA, FIT, DATASHEET = "#1f4e79", "#c23b22", "#5b8c2a"
 COMPONENTS = ("#e08e0b", "#7a4f9a", "#2a8f8f", "#b5628c", "#8c6d31", "#4f7fbf", "#6b6b6b")
@@ -29,7 +49,7 @@ Datasheet = str | AbstractProcess | Composite | Mapping[str, str | AbstractProce
 """A model, or where the channels have several units one for each of them: ``{"rad/s": ..., "m/s^2": ...}``."""
 
 
-def scale_axis(wv: WaveletVariance) -> Axis:
+def scale_axis(wv: AbstractWaveletVariance) -> Axis:
     """Spans of the filter."""
     return Axis("scale τ", "s" if wv.rate else "samples", "log")
 
@@ -39,24 +59,24 @@ def variance_axis(unit: str) -> Axis:
     return Axis("wavelet variance", "1" if unit == "1" else f"({unit})^2", "log")
 
 
-def variance_items(wv: WaveletVariance, label: str) -> list[Item]:
+def variance_items(wv: AbstractWaveletVariance, label: str) -> list[Item]:
     """Wavelet variance of one channel with its interval."""
     return [Band("", wv.times, wv.ci_low, wv.ci_high), Line(label, wv.times, wv.variance)]
 
 
-def datasheet_items(wv: WaveletVariance, models: Mapping[str, Composite]) -> list[Item]:
+def datasheet_items(wv: AbstractWaveletVariance, models: Mapping[str, Composite]) -> list[Item]:
     """What the datasheet promises for the unit of one channel, if it says something of it."""
     if wv.units[0] not in models:
         return []
     return [Line("datasheet", wv.times, np.asarray(models[wv.units[0]].wavelet_variance(wv.scales)))]
 
 
-def dense_scales(wv: WaveletVariance) -> np.ndarray:
+def dense_scales(wv: AbstractWaveletVariance) -> np.ndarray:
     """Even spans between the scales: theory is drawn there too."""
     return np.unique(2 * np.round(np.geomspace(wv.scales[0], wv.scales[-1], 200) / 2))
 
 
-def in_half_widths(wv: WaveletVariance, residuals: np.ndarray) -> np.ndarray:
+def in_half_widths(wv: AbstractWaveletVariance, residuals: np.ndarray) -> np.ndarray:
     """Residuals over the half of the interval of confidence that they point away from."""
     return residuals / np.where(residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
 
@@ -116,14 +136,14 @@ def lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
     return float(np.min(np.where(ci_low > 0, ci_low, estimate)))
 
 
-def title_of(wv: WaveletVariance, members: Sequence[int]) -> str:
+def title_of(wv: AbstractWaveletVariance, members: Sequence[int]) -> str:
     """Name and channels."""
     names = ", ".join(wv.channels[i] for i in members) if len(members) < 5 else f"{len(members)} channels"
     title = names if wv.name in ("", names) else f"{wv.name}, {names}"
     return f"{title}, robust ({wv.efficiency:g})" if wv.efficiency else title
 
 
-def members_by_unit(wv: WaveletVariance) -> dict[str, list[int]]:
+def members_by_unit(wv: AbstractWaveletVariance) -> dict[str, list[int]]:
     """Unit -> numbers of the channels that have it: those share a frame."""
     members: dict[str, list[int]] = {}
     for i, unit in enumerate(wv.units):

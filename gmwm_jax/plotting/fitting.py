@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.figure_data import Axis, Frame, Line, Mark, Points, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, put, shared_legend
-from gmwm_jax.fitting.result import Fit, Fits
+from gmwm_jax.fitting.result import Fit
 from gmwm_jax.plotting._style import (
     COMPONENTS,
     DATA,
@@ -21,6 +22,7 @@ from gmwm_jax.plotting._style import (
     draw,
     draw_datasheet,
     draw_variances,
+    draws_channels_of,
     in_half_widths,
     large_and_small,
     legend,
@@ -107,7 +109,7 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | 
     return figure
 
 
-def fits_data(fits: Fits, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
+def fits_data(fits: Channels[Fit], *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
     """What `plot_fits` shows: two frames a channel, see `fit_data`.
 
     Parameters
@@ -127,8 +129,8 @@ def fits_data(fits: Fits, *, datasheet: Datasheet | None = None) -> tuple[Frame,
     return tuple(shown)
 
 
-@draw.register(Fits)
-def plot_fits(fits: Fits, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None) -> Figure:
+@draws_channels_of(Fit)
+def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None) -> Figure:
     """One panel a channel, see `plot_fit`, with one legend for all.
 
     Parameters

@@ -6,14 +6,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Histogram, Item, Mark, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import Estimate
 from gmwm_jax.inference.bootstrapping import Bootstrap
 from gmwm_jax.inference.intervals import replicates_needed
-from gmwm_jax.inference.selection import Selection, Selections
-from gmwm_jax.plotting._style import DRAWS, FIT, draw
+from gmwm_jax.inference.selection import Selection
+from gmwm_jax.plotting._style import DRAWS, FIT, draw, draws_channels_of
 
 _SHOWN = 20
 _RECOMMENDED, _EQUIVALENT, _WORSE = "recommended: the simplest of these", "none is significantly better", "worse"
@@ -66,7 +67,7 @@ def plot_selection(selection: Selection, *, axes: GivenAxes | None = None) -> Fi
     return figure
 
 
-def selections_data(selections: Selections) -> tuple[Frame, ...]:
+def selections_data(selections: Channels[Selection]) -> tuple[Frame, ...]:
     """What `plot_selections` shows: a frame a channel, see `selection_data`.
 
     Parameters
@@ -77,8 +78,8 @@ def selections_data(selections: Selections) -> tuple[Frame, ...]:
     return tuple(frame for selection in selections.values() for frame in selection_data(selection))
 
 
-@draw.register(Selections)
-def plot_selections(selections: Selections, *, axes: GivenAxes | None = None) -> Figure:
+@draws_channels_of(Selection)
+def plot_selections(selections: Channels[Selection], *, axes: GivenAxes | None = None) -> Figure:
     """A frame a channel, three in a row, each as of `plot_selection`.
 
     Parameters

@@ -7,18 +7,20 @@ from itertools import cycle
 import numpy as np
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Histogram, Item, Line, Mark, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.multisignal.comparison import RecordComparison
 from gmwm_jax.multisignal.cross_validation import CrossValidation
-from gmwm_jax.multisignal.joint import JointFit, JointFits
+from gmwm_jax.multisignal.joint import JointFit
 from gmwm_jax.multisignal.stationarity import NearStationarity
 from gmwm_jax.plotting._style import (
     DRAWS,
     FIT,
     dense_scales,
     draw,
+    draws_channels_of,
     finish_log_log,
     in_half_widths,
     large_and_small,
@@ -58,7 +60,7 @@ def joint_fit_data(joint: JointFit) -> tuple[Frame, Frame]:
     model = f"{' + '.join(joint.model.labels)}, objective {joint.objective:.5g}"
     title = f"{joint.wv.channels[0]}, {len(joint.records)} records: {model}"
     return (
-        Frame(title, scale_axis(joint.wv), variance_axis(joint.unit), tuple(above)),
+        Frame(title, scale_axis(joint.wv), variance_axis(joint.fit.unit), tuple(above)),
         Frame("", scale_axis(joint.wv), Axis("residual", "half CI", "symlog"), tuple(below)),
     )
 
@@ -101,7 +103,7 @@ def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
     return figure
 
 
-def joint_fits_data(joints: JointFits) -> tuple[Frame, ...]:
+def joint_fits_data(joints: Channels[JointFit]) -> tuple[Frame, ...]:
     """What `plot_joint_fits` shows: two frames a channel, see `joint_fit_data`.
 
     Parameters
@@ -110,14 +112,14 @@ def joint_fits_data(joints: JointFits) -> tuple[Frame, ...]:
         The joint fits of several channels.
     """
     shown = []
-    for joint in joints.fits:
+    for joint in joints.values():
         above, below = joint_fit_data(joint)
         shown += [above._replace(title=f"{joint.wv.channels[0]}: objective {joint.objective:.4g}"), below]
     return tuple(shown)
 
 
-@draw.register(JointFits)
-def plot_joint_fits(joints: JointFits, *, axes: GivenAxes | None = None) -> Figure:
+@draws_channels_of(JointFit)
+def plot_joint_fits(joints: Channels[JointFit], *, axes: GivenAxes | None = None) -> Figure:
     """One panel a channel, see `plot_joint_fit`.
 
     Parameters
@@ -129,7 +131,7 @@ def plot_joint_fits(joints: JointFits, *, axes: GivenAxes | None = None) -> Figu
     """
     figure, pairs = pairs_of_frames(axes, len(joints), 4.8, 0.0)
     for i, (joint, frame, (top, bottom)) in enumerate(
-        zip(joints.fits, joint_fits_data(joints)[::2], pairs, strict=True)
+        zip(joints.values(), joint_fits_data(joints)[::2], pairs, strict=True)
     ):
         plot_joint_fit(joint, axes=(top, bottom))
         top.set_title(frame.title, fontsize=10)
@@ -150,7 +152,9 @@ def record_comparison_data(comparison: RecordComparison) -> tuple[Frame, ...]:
     """
     joint = comparison.joint
     numbers = np.arange(1, len(joint.records) + 1)
-    parameters = {(label, q.name): (q, q.unit.format(u=joint.unit), value) for label, q, value in _parameters(joint)}
+    parameters = {
+        (label, q.name): (q, q.unit.format(u=joint.fit.unit), value) for label, q, value in _parameters(joint)
+    }
     z = normal_quantile(joint.level)
     shown = []
     for i, spread in enumerate(comparison.spreads):

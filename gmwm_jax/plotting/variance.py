@@ -32,10 +32,10 @@ from gmwm_jax.plotting._style import (
 )
 from gmwm_jax.variance.allan import AllanDeviation
 from gmwm_jax.variance.robust_comparison import RobustComparison
-from gmwm_jax.variance.wavelet import WaveletVariance
+from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
 
 
-def wavelet_variance_data(wv: WaveletVariance, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
+def wavelet_variance_data(wv: AbstractWaveletVariance, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
     """What `plot_wavelet_variance` shows: a frame for each unit.
 
     Parameters
@@ -56,9 +56,9 @@ def wavelet_variance_data(wv: WaveletVariance, *, datasheet: Datasheet | None = 
     return tuple(shown)
 
 
-@draw.register(WaveletVariance)
+@draw.register(AbstractWaveletVariance)
 def plot_wavelet_variance(
-    wv: WaveletVariance, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None
+    wv: AbstractWaveletVariance, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None
 ) -> Figure:
     """Wavelet variance over scale with its confidence band; channels of one unit share a frame.
 
@@ -155,7 +155,7 @@ def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | 
         Slopes, and the deviation they imply together; of one channel.
     """
     wv = adev.wv
-    if regression is not None and not wv.is_single:
+    if regression is not None and not isinstance(wv, WaveletVariance):
         raise ValueError(f"Slopes belong to one channel: choose it, as in adev[{wv.channels[0]!r}].plot(...).")
     shown = []
     for unit, members in members_by_unit(wv).items():

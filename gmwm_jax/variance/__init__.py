@@ -16,4 +16,5 @@ from gmwm_jax.variance.haar import haar_wavelet_variance as haar_wavelet_varianc
 from gmwm_jax.variance.robust_comparison import RobustComparison as RobustComparison
 from gmwm_jax.variance.robust_comparison import compare_robust as compare_robust
 from gmwm_jax.variance.wavelet import WaveletVariance as WaveletVariance
+from gmwm_jax.variance.wavelet import WaveletVariances as WaveletVariances
 from gmwm_jax.variance.wavelet import wavelet_variance as wavelet_variance

@@ -17,7 +17,7 @@ from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
-from gmwm_jax.variance.wavelet import WaveletVariance, as_wavelet_variance
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
 
 FLICKER_FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """0.664: the Allan deviation of flicker noise (bias instability) of coefficient B is 0.664 B at its flat bottom."""
@@ -41,7 +41,7 @@ class AllanDeviation(Drawable):
     deviation: Float[np.ndarray, "J *C"]
     ci_low: Float[np.ndarray, "J *C"]
     ci_high: Float[np.ndarray, "J *C"]
-    wv: WaveletVariance
+    wv: WaveletVariance | WaveletVariances
 
     def __getitem__(self, channel: str | int) -> "AllanDeviation":
         """One channel, by name or number."""
@@ -51,14 +51,16 @@ class AllanDeviation(Drawable):
         """A row a time, a column a channel."""
         head = ["T [s]", *(f"{c} [{u}]" for c, u in zip(self.wv.channels, self.wv.units, strict=True))]
         columns = [self.times[:, None], self.deviation.reshape(len(self.times), -1)]
-        if self.wv.is_single:
+        if isinstance(self.wv, WaveletVariance):
             head += [f"{100 * self.wv.level:g} % low", "high"]
             columns += [self.ci_low[:, None], self.ci_high[:, None]]
         rows = [[number(x) for x in row] for row in np.hstack(columns)]
         return f"Overlapping Allan deviation at {sampling_rate(self.wv.rate):g} Hz\n{format_table(head, rows, left=0)}"
 
 
-def allan_deviation(data: WaveletVariance | Recording, *, rate: float | None = None) -> AllanDeviation:
+def allan_deviation(
+    data: WaveletVariance | WaveletVariances | Recording, *, rate: float | None = None
+) -> AllanDeviation:
     """Compute the overlapping Allan deviation with confidence intervals.
 
     Parameters

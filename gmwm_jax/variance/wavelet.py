@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,8 @@ from gmwm_jax.variance.haar import interval_factors, scales
 
 
 @dataclass(frozen=True, repr=False)
-class WaveletVariance(Drawable):
-    """The Haar wavelet variance of one channel, in arrays of shape (J,), or of C channels, (J, C).
+class AbstractWaveletVariance(Drawable):
+    """What the wavelet variances of one channel and of several have in common.
 
     Attributes
     ----------
@@ -63,6 +63,100 @@ class WaveletVariance(Drawable):
     """How it was estimated."""
     present: Bool[np.ndarray, "N *C"] | None = None
     """False where a sample is missing, see `gmwm_jax.variance.gaps`; None for a complete record."""
+
+    @property
+    def num_scales(self) -> int:
+        """Number of scales, J."""
+        return self.scales.shape[0]
+
+    @property
+    def efficiency(self) -> float | None:
+        """Of the robust estimator on clean data; None for another estimator."""
+        return self.estimator.efficiency
+
+    @property
+    def has_theory(self) -> bool:
+        """Whether its covariance is known: a MODWT at all scales 2, 4 ... 2^J of a record of known length."""
+        dyadic = np.array_equal(self.scales, 2.0 ** np.arange(1, self.num_scales + 1))
+        return self.num_samples is not None and self.estimator.has_theory and dyadic
+
+    def require_theory(self, what: str) -> int:
+        """Return N, or raise a ValueError: `what` needs the covariance of this wavelet variance, which is not known."""
+        if self.num_samples is None or not self.has_theory:
+            raise ValueError(
+                f"{what} need the covariance of the wavelet variance: the number of samples, all scales 2 .. 2^J, and "
+                "the MODWT."
+            )
+        return self.num_samples
+
+    def covariance_under(self, model: Composite) -> Float[np.ndarray, "J J"] | None:
+        """Covariance of the wavelet variance of one channel under a model; None where there is no theory for it.
+
+        Parameters
+        ----------
+        model
+            All parameters given; SIN is not ergodic and has no theory.
+        """
+        if not all(p.ergodic for p in model.processes):
+            return None
+        num_samples = self.num_samples if self.has_theory else None
+        return self.estimator.covariance(model, num_samples, self.num_scales, self.present)
+
+    @property
+    def missing(self) -> str:
+        """The number of missing samples in words; "" if none is missing."""
+        if self.present is None:
+            return ""
+        counts = np.sum(~self.present, axis=0).ravel()
+        lowest, highest = int(np.min(counts)), int(np.max(counts))
+        share = f"{100 * highest / len(self.present):.3g} %"
+        return f"{highest} missing, {share}" if lowest == highest else f"{lowest} to {highest} missing, up to {share}"
+
+    @property
+    def times(self) -> Float[np.ndarray, " J"]:
+        """Spans in seconds (in samples where the rate is not known)."""
+        return self.scales / (self.rate or 1.0)
+
+    def __getitem__(self, channel: str | int) -> "WaveletVariance":
+        """One channel, by name or number."""
+        if isinstance(channel, str):
+            if channel not in self.channels:
+                raise KeyError(f"No channel {channel!r}; there are {', '.join(self.channels)}.")
+            channel = self.channels.index(channel)
+        known = {f.name: getattr(self, f.name) for f in fields(self)}
+        columns = {k: known[k] for k in ("variance", "ci_low", "ci_high", "present") if known[k] is not None}
+        if self.variance.ndim > 1:
+            known |= {k: np.ascontiguousarray(v[:, channel]) for k, v in columns.items()}
+        return WaveletVariance(**{**known, "channels": (self.channels[channel],), "units": (self.units[channel],)})
+
+    def items(self) -> Iterable[tuple[str, "WaveletVariance"]]:
+        """Iterate over pairs of channel name and its wavelet variance."""
+        return ((name, self[i]) for i, name in enumerate(self.channels))
+
+    def __repr__(self) -> str:
+        """A table: a row a scale, a column a channel (with the interval if there is only one)."""
+        time = "tau [s]" if self.rate else "tau [samples]"
+        if self.variance.ndim == 1:
+            head = [time, f"WV [({self.units[0]})^2]", f"{100 * self.level:g} % low", "high"]
+            columns = np.column_stack([self.times, self.variance, self.ci_low, self.ci_high])
+        else:
+            head = [time, *(f"{c} [({u})^2]" for c, u in zip(self.channels, self.units, strict=True))]
+            columns = np.column_stack([self.times, self.variance])
+        what = self.name or ", ".join(self.channels)
+        missing = f" ({self.missing})" if self.missing else ""
+        samples = f", {self.num_samples} samples{missing}" if self.num_samples else ""
+        rate = f" at {self.rate:g} Hz" if self.rate else ""
+        table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
+        return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}"
+
+
+@dataclass(frozen=True, repr=False)
+class WaveletVariance(AbstractWaveletVariance):
+    """Haar wavelet variance of one channel, arrays of shape (J,); attributes as of `AbstractWaveletVariance`."""
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.variance) > 1:
+            raise ValueError(f"Arrays {np.shape(self.variance)} of several channels make a WaveletVariances.")
 
     @classmethod
     def from_table(
@@ -126,95 +220,14 @@ class WaveletVariance(Drawable):
         values = (arrays["variance"], arrays["ci_low"], arrays["ci_high"])
         return cls(tau, *values, num_samples, level, rate, channels=(name or "x",), units=(unit,), name=name)
 
-    @property
-    def num_scales(self) -> int:
-        """Number of scales, J."""
-        return self.scales.shape[0]
 
-    @property
-    def is_single(self) -> bool:
-        """Whether this is one channel, with arrays of shape (J,)."""
-        return self.variance.ndim == 1
+@dataclass(frozen=True, repr=False)
+class WaveletVariances(AbstractWaveletVariance):
+    """Haar wavelet variances of C channels, arrays of shape (J, C); ``wv["gyro_x"]`` is that of one."""
 
-    @property
-    def efficiency(self) -> float | None:
-        """Of the robust estimator on clean data; None for another estimator."""
-        return self.estimator.efficiency
-
-    @property
-    def has_theory(self) -> bool:
-        """Whether its covariance is known: a MODWT at all scales 2, 4 ... 2^J of a record of known length."""
-        dyadic = np.array_equal(self.scales, 2.0 ** np.arange(1, self.num_scales + 1))
-        return self.num_samples is not None and self.estimator.has_theory and dyadic
-
-    def require_theory(self, what: str) -> int:
-        """Return N, or raise a ValueError: `what` needs the covariance of this wavelet variance, which is not known."""
-        if self.num_samples is None or not self.has_theory:
-            raise ValueError(
-                f"{what} need the covariance of the wavelet variance: the number of samples, all scales 2 .. 2^J, and "
-                "the MODWT."
-            )
-        return self.num_samples
-
-    def covariance_under(self, model: Composite) -> Float[np.ndarray, "J J"] | None:
-        """Covariance of the wavelet variance of one channel under a model; None where there is no theory for it.
-
-        Parameters
-        ----------
-        model
-            All parameters given; SIN is not ergodic and has no theory.
-        """
-        if not all(p.ergodic for p in model.processes):
-            return None
-        num_samples = self.num_samples if self.has_theory else None
-        return self.estimator.covariance(model, num_samples, self.num_scales, self.present)
-
-    @property
-    def missing(self) -> str:
-        """The number of missing samples in words; "" if none is missing."""
-        if self.present is None:
-            return ""
-        counts = np.sum(~self.present, axis=0).ravel()
-        lowest, highest = int(np.min(counts)), int(np.max(counts))
-        share = f"{100 * highest / len(self.present):.3g} %"
-        return f"{highest} missing, {share}" if lowest == highest else f"{lowest} to {highest} missing, up to {share}"
-
-    @property
-    def times(self) -> Float[np.ndarray, " J"]:
-        """Spans in seconds (in samples where the rate is not known)."""
-        return self.scales / (self.rate or 1.0)
-
-    def __getitem__(self, channel: str | int) -> "WaveletVariance":
-        """One channel, by name or number."""
-        if isinstance(channel, str):
-            if channel not in self.channels:
-                raise KeyError(f"No channel {channel!r}; there are {', '.join(self.channels)}.")
-            channel = self.channels.index(channel)
-        columns = {k: getattr(self, k) for k in ("variance", "ci_low", "ci_high")}
-        if not self.is_single:
-            columns |= {} if self.present is None else {"present": self.present}
-            columns = {k: np.ascontiguousarray(v[:, channel]) for k, v in columns.items()}
-        return replace(self, **columns, channels=(self.channels[channel],), units=(self.units[channel],))
-
-    def items(self) -> Iterable[tuple[str, "WaveletVariance"]]:
-        """Iterate over pairs of channel name and its wavelet variance."""
-        return ((name, self[i]) for i, name in enumerate(self.channels))
-
-    def __repr__(self) -> str:
-        """A table: a row a scale, a column a channel (with the interval if there is only one)."""
-        time = "tau [s]" if self.rate else "tau [samples]"
-        if self.is_single:
-            head = [time, f"WV [({self.units[0]})^2]", f"{100 * self.level:g} % low", "high"]
-            columns = np.column_stack([self.times, self.variance, self.ci_low, self.ci_high])
-        else:
-            head = [time, *(f"{c} [({u})^2]" for c, u in zip(self.channels, self.units, strict=True))]
-            columns = np.column_stack([self.times, self.variance])
-        what = self.name or ", ".join(self.channels)
-        missing = f" ({self.missing})" if self.missing else ""
-        samples = f", {self.num_samples} samples{missing}" if self.num_samples else ""
-        rate = f" at {self.rate:g} Hz" if self.rate else ""
-        table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
-        return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}"
+    def __post_init__(self) -> None:
+        if np.ndim(self.variance) != 2:
+            raise ValueError(f"Arrays {np.shape(self.variance)} of one channel make a WaveletVariance.")
 
 
 def wavelet_variance(
@@ -229,7 +242,7 @@ def wavelet_variance(
     rate: float | None = None,
     unit: str = "1",
     scratch: str | os.PathLike | None = None,
-) -> WaveletVariance:
+) -> WaveletVariance | WaveletVariances:
     """Compute the Haar wavelet variance of a recording, with chi-square confidence intervals.
 
     Parameters
@@ -267,9 +280,9 @@ def wavelet_variance(
 
     Returns
     -------
-    WaveletVariance
-        Arrays (J,) for one channel, (J, C) for several. With gaps, J is by default less where a lag below 2^J has no
-        pair of samples, or a variance came out negative.
+    WaveletVariance or WaveletVariances
+        The first for one channel, with arrays (J,); the other for several, with arrays (J, C). With gaps, J is by
+        default less where a lag below 2^J has no pair of samples, or a variance came out negative.
 
     Raises
     ------
@@ -325,7 +338,8 @@ def wavelet_variance(
     if low.ndim < nu.ndim:
         low, high = low[:, None], high[:, None]
     values = (scales(len(nu)), nu, nu * low, nu * high, data.shape[0], level, rate)
-    return WaveletVariance(*values, tuple(channels), tuple(units), name, chosen, present)
+    several = WaveletVariance if nu.ndim == 1 else WaveletVariances
+    return several(*values, tuple(channels), tuple(units), name, chosen, present)
 
 
 def _as_array(record: Any) -> np.ndarray:
@@ -337,11 +351,11 @@ def _as_array(record: Any) -> np.ndarray:
         raise ValueError(f"The list is no array ({error}). Blocks of one channel are given as iter(blocks).") from None
 
 
-def as_wavelet_variance(data: Any, caller: str) -> WaveletVariance:
+def as_wavelet_variance(data: Any, caller: str) -> WaveletVariance | WaveletVariances:
     """Return a wavelet variance as it is and that of a recording; raise a TypeError for anything else."""
     if isinstance(data, Recording):
         return wavelet_variance(data)
-    if not isinstance(data, WaveletVariance):
+    if not isinstance(data, WaveletVariance | WaveletVariances):
         raise TypeError(
             f"{caller}() takes a WaveletVariance or a Recording, not {type(data).__name__}; for an array, "
             f"call {caller}(wavelet_variance(array, rate=...), ...)."
@@ -349,7 +363,9 @@ def as_wavelet_variance(data: Any, caller: str) -> WaveletVariance:
     return data
 
 
-def _from_blocks(blocks: Iterable[np.ndarray], scratch: str | os.PathLike | None, **options: Any) -> WaveletVariance:
+def _from_blocks(
+    blocks: Iterable[np.ndarray], scratch: str | os.PathLike | None, **options: Any
+) -> WaveletVariance | WaveletVariances:
     """Spool the blocks to a scratch file and take the wavelet variance of its memory map."""
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         spooled = blocks_to_file(map(unmasked, blocks), os.path.join(folder, "record.f64"))

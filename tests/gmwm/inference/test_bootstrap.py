@@ -20,7 +20,7 @@ def as_channels(wv, variances):
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     names = tuple(str(i) for i in range(len(variances)))
     columns = (variances.T, (variances * low).T, (variances * high).T)
-    return gj.variance.WaveletVariance(
+    return gj.variance.WaveletVariances(
         wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances)
     )
 

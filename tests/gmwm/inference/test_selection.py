@@ -32,7 +32,7 @@ def drawn(truth, num, seed):
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     columns = (nu.T, (nu * low).T, (nu * high).T)
     names = tuple(str(i) for i in range(num))
-    return gj.variance.WaveletVariance(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
+    return gj.variance.WaveletVariances(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +176,7 @@ def test_text_and_json(data, selection):
     out = json.loads(json.dumps(selection.to_dict(), allow_nan=False))
     assert out["recommended"] == selection.recommended.name
     assert len(out["candidates"]) == 15
-    several = gj.inference.Selections((selection, selection))
+    several = gj.fitting.Channels({"a": selection, "b": selection})
     assert list(several) == ["0", "0"]
     assert several["0"] is several[1] is selection
     assert "Model selections, of 15 models each" in repr(several)

@@ -130,13 +130,13 @@ def test_theory_is_the_scatter_of_joint_estimates(joint):
     keys = jax.random.split(jax.random.key(11), len(LENGTHS))
     moment, pool = np.zeros((num, 13)), joint.pool
     for i, V in enumerate(joint.record_covariances):
-        nu = variance_draws(joint.fitted[: len(V)], V)(jax.random.split(keys[i], num))
+        nu = variance_draws(joint.fit.fitted[: len(V)], V)(jax.random.split(keys[i], num))
         moment[:, : len(V)] += nu @ pool.omegas[i, : len(V), : len(V)]
     omega = np.broadcast_to(pool.omegas.sum(axis=0), (num, 13, 13))
     found = joint_refit(joint, omega, moment)
     assert found.converged.all()
     spread = np.log(found.values).std(axis=0)
-    expected = np.sqrt(np.diag(joint.covariance))
+    expected = np.sqrt(np.diag(joint.fit.covariance))
     np.testing.assert_allclose(np.log(spread / expected), 0, atol=SIGMAS * np.sqrt(0.5 / num))
     bias = (np.log(found.values).mean(axis=0) - np.log(values(joint.model))) / spread
     assert np.abs(bias).max() < 0.25  # of the second order
@@ -191,7 +191,7 @@ def test_several_channels(records):
     units = ["rad/s", "m/s^2"]
     both = [gj.Recording.from_array(a, rate=50.0, units=units, channels=["gyro_x", "accel_x"]) for a in x]
     fits = gj.fit_records(both, "RW")
-    assert isinstance(fits, gj.multisignal.JointFits)
+    assert isinstance(fits, gj.fitting.Channels)
     assert list(fits) == ["gyro_x", "accel_x"]
     alone = gj.fit_records([gj.wavelet_variance(r)["accel_x"] for r in both], "RW")
     assert fits["accel_x"].objective == pytest.approx(alone.objective, rel=1e-9)

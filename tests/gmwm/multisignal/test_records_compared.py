@@ -264,7 +264,7 @@ def test_a_model_with_values_keeps_them(records):
 
 def test_channels_apart(records):
     two = [
-        gj.variance.WaveletVariance(
+        gj.variance.WaveletVariances(
             wv.scales,
             *(np.column_stack([a, 2 * a]) for a in (wv.variance, wv.ci_low, wv.ci_high)),
             wv.num_samples,

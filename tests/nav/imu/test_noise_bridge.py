@@ -111,9 +111,9 @@ def fits():
 def test_fits_bring_their_rate(fits):
     errors = nj.ImuErrors(fits, WHITE)
     assert errors.rate == 50.0
-    white = [f.model.processes[0].values[0] for f in fits.fits]
+    white = [f.model.processes[0].values[0] for f in fits.values()]
     np.testing.assert_allclose(errors.bank().white[:3], white)
-    one = nj.ImuErrors(fits.fits[1], WHITE)
+    one = nj.ImuErrors(fits[1], WHITE)
     np.testing.assert_allclose(one.bank().white[:3], [white[1]] * 3)
     with pytest.raises(ValueError, match="different rates"):
         nj.ImuErrors(fits, WHITE, 100.0)

@@ -38,7 +38,7 @@ def two_step_replicates(replicates):
         part = [f.wv for f in replicates[start : start + CHUNK]]
         columns = (np.column_stack([getattr(w, k) for w in part]) for k in ("variance", "ci_low", "ci_high"))
         names = tuple(str(i) for i in range(CHUNK))
-        wv = gj.variance.WaveletVariance(part[0].scales, *columns, NUM_SAMPLES, 0.95, 10.0, names, ("1",) * CHUNK)
+        wv = gj.variance.WaveletVariances(part[0].scales, *columns, NUM_SAMPLES, 0.95, 10.0, names, ("1",) * CHUNK)
         fits += list(gj.fit(wv, "WN + GM", weights="two-step").values())
     return fits
 

@@ -33,7 +33,7 @@ def adis_fits(request):
     folder = request.getfixturevalue("shared")
     reference = json.loads((folder / "reference" / "gmwm_fits.json").read_text())
     rows = [models["WN"] for models in reference.values()]
-    wv = gj.variance.WaveletVariance(
+    wv = gj.variance.WaveletVariances(
         np.array(rows[0]["scales"], dtype=float),
         *(np.column_stack([row[k] for row in rows]) for k in ("wv", "ci_low", "ci_high")),
         channels=tuple(reference),

@@ -30,7 +30,7 @@ def drawn(truth, num, seed):
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
     columns = (nu.T, (nu * low).T, (nu * high).T)
     names = tuple(str(i) for i in range(num))
-    return gj.variance.WaveletVariance(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
+    return gj.variance.WaveletVariances(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,53 @@
+"""Results of several channels, by name of the channel: one class for all kinds of result."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Generic, Protocol, Self, TypeVar
+
+from gmwm_jax._internal.drawing import Drawable
+
+
+class OfChannel(Protocol):
+    """A result that belongs to one channel."""
+
+    @classmethod
+    def table_of(cls, results: Sequence[Any], /) -> str:
+        """Several such results as text, one row a channel."""
+        ...
+
+
+T = TypeVar("T", bound=OfChannel)
+
+
+class Channels(Mapping[str, T], Drawable, Generic[T]):
+    """Results by name of the channel, or by its number; they print as one table and draw a panel each.
+
+    Parameters
+    ----------
+    results
+        Name of the channel -> its result.
+    """
+
+    def __init__(self, results: Mapping[str, T]):
+        self._results = dict(results)
+
+    @classmethod
+    def of(cls, names: Sequence[str], results: Sequence[T]) -> Self:
+        """Results in the order of the channels."""
+        return cls(dict(zip(names, results, strict=True)))
+
+    def __getitem__(self, channel: str | int) -> T:
+        if isinstance(channel, int):
+            return list(self._results.values())[channel]
+        if channel not in self._results:
+            raise KeyError(f"No channel {channel!r}; there are {', '.join(self)}.")
+        return self._results[channel]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._results)
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+    def __repr__(self) -> str:
+        """One row a channel."""
+        return type(self[0]).table_of(list(self.values())) if self else "no channels"
