@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import gmwm_jax as gj
 import nav_jax as nj
@@ -82,7 +84,7 @@ def test_the_doors_have_no_other_names():
 
 
 def test_figures_from_several_threads_are_those_of_one():
-    """Ticks on logarithmic axes are formulas, and Matplotlib has one parser of them: without a lock this dies."""
+    """Ticks on logarithmic axes are formulas, and Matplotlib has one parser of them."""
     results = [variances(seed) for seed in range(12)]
     alone = [png(wv.plot()) for wv in results]
     before = sys.getswitchinterval()
@@ -94,6 +96,23 @@ def test_figures_from_several_threads_are_those_of_one():
         sys.setswitchinterval(before)
     assert together == alone
     assert len(set(alone)) == len(alone)
+
+
+def test_only_one_thread_draws_at_a_time(monkeypatch):
+    inside, most, draw = [], [], Figure.draw
+
+    def slow(self, renderer):
+        inside.append(self)
+        most.append(len(inside))
+        time.sleep(0.02)
+        draw(self, renderer)
+        inside.remove(self)
+
+    monkeypatch.setattr(Figure, "draw", slow)
+    plots = [variances(seed).plot() for seed in range(3)]
+    with ThreadPoolExecutor(3) as threads:
+        list(threads.map(lambda figure: figure.canvas.draw(), plots))
+    assert most == [1, 1, 1]
 
 
 def test_a_notebook_shows_a_figure():
