@@ -8,7 +8,6 @@ rejected at 5 %, by theory and by replicates; *power* the share of a model rejec
 
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import jax
 
@@ -78,7 +77,8 @@ def fit_all(wvs: list[gj.variance.WaveletVariance], model: str) -> list[gj.Fit]:
         part = wvs[i : i + TOGETHER]
         stacked = {k: np.column_stack([getattr(w, k) for w in part]) for k in ("variance", "ci_low", "ci_high")}
         names = tuple(f"record_{i}" for i in range(len(part)))
-        together = replace(part[0], **stacked, channels=names, units=("1",) * len(part))
+        known = {k: getattr(part[0], k) for k in ("scales", "num_samples", "level", "rate")}
+        together = gj.variance.WaveletVariances(**known, **stacked, channels=names, units=("1",) * len(part))
         fits += gj.fit(together, model, weights="two-step", throw=False).values()
     return fits
 

@@ -1,11 +1,12 @@
 """Results of several channels, by name of the channel: one class for all kinds of result."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from gmwm_jax._internal.drawing import Drawable
 
 
+@runtime_checkable
 class OfChannel(Protocol):
     """A result that belongs to one channel."""
 
@@ -31,7 +32,7 @@ class Channels(Mapping[str, T], Drawable, Generic[T]):
         self._results = dict(results)
 
     @classmethod
-    def of(cls, names: Sequence[str], results: Sequence[T]) -> Self:
+    def of(cls, names: Sequence[str], results: Sequence[T]) -> "Channels[T]":
         """Results in the order of the channels."""
         return cls(dict(zip(names, results, strict=True)))
 
