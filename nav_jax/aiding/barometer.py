@@ -1,6 +1,6 @@
 """Barometric height."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -9,7 +9,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding, noises, timing
+from nav_jax.aiding.base import AbstractAiding, Setting, noises, spread, timing
 from nav_jax.imu.noise_models import NoiseModel
 
 
@@ -37,8 +37,11 @@ class Barometer(AbstractAiding):
         A standard deviation or rate that is not positive, an outage that is no interval.
     """
 
-    axes: ClassVar[tuple[str, ...]] = ("height",)
     unit: ClassVar[str] = "m"
+    settings: ClassVar[Mapping[str, Setting]] = {
+        "height": Setting("m", or_model=True, required=True),
+        "believed": Setting("m"),
+    }
 
     noise: tuple[NoiseModel, ...]
     believed: Float[Array, "1"]
@@ -59,10 +62,28 @@ class Barometer(AbstractAiding):
     ):
         self.name = name
         self.rate, self.first, self.outages = timing(name, rate, first, outages)
-        self.noise, self.believed = noises(name, (height,), None if believed is None else (believed,))
+        self.noise, self.believed = noises(
+            name, (height,), None if believed is None else spread(name, believed, (self.axes,))
+        )
 
-    def predict(self, p, v):  # noqa: D102
-        return -p[2:3]
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Height."""
+        return ("height",)
 
-    def jacobian(self):  # noqa: D102
-        return -jnp.eye(9)[2:3]
+    @property
+    def linear(self) -> bool:
+        """Height is a position."""
+        return True
+
+    def predict(self, state, body):  # noqa: D102
+        return -state.p[2:3]
+
+    def jacobian(self, state, body, layout):  # noqa: D102
+        return jnp.zeros((1, layout.size, 1)).at[:, layout["position"], 0].set(-jnp.eye(3)[2:])
+
+    def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
+        return ("height",)
+
+    def measured(self, values, origin):  # noqa: D102
+        return values if origin is None else values - origin[2]

@@ -1,12 +1,14 @@
 """What an aiding sensor is. One more is one file with a class derived from `AbstractAiding`, and a row in the tests.
 
-A measurement is h(p, v) plus noise; a filter takes the noise as white with the believed standard deviation. The errors
-that are emulated may be any model of gmwm_jax at the sensor's own rate.
+A measurement is a function h of position, velocity, attitude, the motion of the body and states of the sensor's own,
+plus noise. A filter takes the noise as white with the believed standard deviations, and finds the derivative of h by
+itself where the sensor does not state it. The errors that are emulated may be any model of gmwm_jax at the sensor's own
+rate.
 """
 
 import abc
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -15,20 +17,49 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
-from gmwm_jax._internal.checks import as_float, number, positive, sampling_rate
+from gmwm_jax._internal.checks import as_float, concrete, number, positive, sampling_rate
 from gmwm_jax._internal.typing import Real
+from nav_jax.aiding.states import OwnState
 from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw, white_sd
+from nav_jax.kinematics.state import BodyMotion, NavState
 
 _TOLERANCE = 1e-6
 """s, by which the ends of an outage belong to it."""
 
 
+class Setting(NamedTuple):
+    """What a number among the arguments of a sensor measures: for readers of configuration files."""
+
+    unit: str
+    """SI."""
+    counts: tuple[int, ...] = (1,)
+    """How many numbers there may be."""
+    or_model: bool = False
+    """May a model be given instead?"""
+    required: bool = False
+    """Must it be given?"""
+
+
+@runtime_checkable
+class Slices(Protocol):
+    """Where what is in an error vector: `nav_jax.filter.layout.Layout`."""
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        ...
+
+    def __getitem__(self, name: str) -> slice:
+        """Where a block is."""
+        ...
+
+
 class AbstractAiding(eqx.Module):
     """An aiding sensor with K components: rate, outages, emulated noise and believed standard deviations."""
 
-    axes: ClassVar[tuple[str, ...]]
-    """Names of the components."""
     unit: ClassVar[str]
+    settings: ClassVar[Mapping[str, Setting]]
+    """The arguments of its own."""
 
     name: eqx.AbstractVar[str]
     rate: eqx.AbstractVar[float]
@@ -41,13 +72,78 @@ class AbstractAiding(eqx.Module):
     believed: eqx.AbstractVar[Float[Array, " K"]]
     """Standard deviations in the filter."""
 
+    @property
     @abc.abstractmethod
-    def predict(self, p: Float[Array, "3 R"], v: Float[Array, "3 R"]) -> Float[Array, "K R"]:
-        """h: the measurement without noise, from position and velocity in n."""
+    def axes(self) -> tuple[str, ...]:
+        """Names of the components."""
+
+    @property
+    def linear(self) -> bool:
+        """Is h linear in position and velocity, and nothing else? Its derivative is then taken once and for all."""
+        return False
+
+    @property
+    def uses_body(self) -> bool:
+        """Does h depend on the motion of the body?"""
+        return False
+
+    @property
+    def states(self) -> tuple[OwnState, ...]:
+        """States of its own, which a filter estimates."""
+        return ()
+
+    @property
+    def mixing(self) -> Float[Array, "K K"] | None:
+        """Lower triangular L of correlated components: the noise is L e; `noise` and `believed` are those of e."""
+        return None
 
     @abc.abstractmethod
-    def jacobian(self) -> Float[Array, "K 9"]:
-        """H: derivative of h with respect to the errors of position, velocity and attitude."""
+    def predict(self, state: NavState, body: BodyMotion | None) -> Float[Array, "K R"]:
+        """h: the measurement without noise.
+
+        Parameters
+        ----------
+        state
+            Position, velocity, attitude, and as `x` the states of its own.
+        body
+            The motion of the body at the fix; None unless `uses_body`.
+        """
+
+    def jacobian(self, state: NavState, body: BodyMotion | None, layout: Slices) -> Float[Array, "K n _"] | None:
+        """H: derivative of h along the error of the state and of the motion of the body.
+
+        Parameters
+        ----------
+        state, body
+            As of `predict`, to be used where the derivative depends on them. Not given to a sensor that is `linear`.
+        layout
+            Blocks ``position``, ``velocity``, ``attitude`` (a rotation vector in n, that turns the estimate), ``own``,
+            ``force`` and ``rate``.
+
+        Returns
+        -------
+        H, for all runs or with a last axis of one; None to let autodiff find it.
+        """
+        return None
+
+    @abc.abstractmethod
+    def columns(self, *, geodetic: bool) -> Sequence[str]:
+        """The quantities that files hold of it besides time, see `nav_jax.trajectory.columns`.
+
+        Parameters
+        ----------
+        geodetic
+            Whether an origin is given, so that positions are latitude, longitude and height.
+
+        Raises
+        ------
+        ValueError
+            An origin means nothing to it.
+        """
+
+    def measured(self, values: Float[np.ndarray, "F C"], origin: Float[np.ndarray, "3"] | None) -> np.ndarray:
+        """What it has measured, from those columns in SI."""
+        return values
 
     def fixes(self, start: float, end: float) -> Float[np.ndarray, " F"]:
         """Times of all fixes of a run, those in outages included.
@@ -79,7 +175,7 @@ class AbstractAiding(eqx.Module):
         return ~np.any(inside, axis=0) if inside else np.ones(len(times), dtype=bool)
 
     def draw(self, num: int, keys: Key[Array, " R"]) -> Float[Array, "F K R"]:
-        """Noise of the first `num` fixes of each run."""
+        """Noise of the first `num` fixes of each run, before it is mixed."""
         streams = [jax.vmap(lambda k, i=i: jax.random.fold_in(k, i))(keys) for i in range(len(self.noise))]
         return jnp.stack([draw(m, num, k) for m, k in zip(self.noise, streams, strict=True)], axis=1)
 
@@ -101,10 +197,56 @@ def timing(
     return rate, first, tuple(sorted(checked))
 
 
-def noises(name: str, given: Sequence[Any], believed: Sequence[Any] | None) -> tuple[tuple[NoiseModel, ...], Any]:
+def noises(
+    name: str, given: Sequence[Any], believed: Sequence[Any] | None
+) -> tuple[tuple[NoiseModel, ...], Float[Array, " K"]]:
     """The emulated noise of each component, and the standard deviations the filter believes: those, if not given."""
     models = tuple(axis_noise(g, name) for g in given)
     sd = [white_sd(m) for m in models] if believed is None else [as_float(b) for b in believed]
     for value in sd:
         positive(f"{name}: a standard deviation that the filter believes", value)
     return models, jnp.stack(sd)
+
+
+def spread(name: str, believed: Any, groups: Sequence[Sequence[str]]) -> list[Any]:
+    """Believed standard deviations of all components.
+
+    Parameters
+    ----------
+    name
+        Of the sensor.
+    believed
+        One of each component, or one of each group of them that are alike.
+    groups
+        Names of the components that are alike.
+
+    Raises
+    ------
+    ValueError
+        Another number of them.
+    """
+    axes = [axis for group in groups for axis in group]
+    shape = np.shape(believed)
+    given = [believed] if shape == () else list(believed)
+    if len(shape) < 2 and len(given) == len(axes):
+        return given
+    if len(shape) < 2 and len(given) == len(groups):
+        return [sd for sd, group in zip(given, groups, strict=True) for _ in group]
+    counts = " or ".join(
+        f"{len(names)} ({', '.join(names)})"
+        for names in dict.fromkeys((tuple(axes), tuple("+".join(g) for g in groups)))
+    )
+    raise ValueError(f"{name}: believed has {counts} standard deviations, and this is {believed!r}.")
+
+
+def lever(name: str, given: Any) -> Float[Array, "3"] | None:
+    """A lever arm in b, x, y, z in m: from the IMU to the sensor; None where it is not given."""
+    if given is None:
+        return None
+    if np.shape(given) != (3,):
+        raise ValueError(f"{name}: a lever arm has three components (front, right, down, in m), and this is {given!r}.")
+    arm = as_float(given)
+    seen = concrete(arm)
+    if seen is not None and not np.isfinite(seen).all():
+        raise ValueError(f"{name}: the lever arm must be finite, and is {given!r}.")
+    return arm

@@ -13,9 +13,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from gmwm_jax.units import convert, names
-from nav_jax.aiding.barometer import Barometer
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
+from nav_jax.aiding.base import AbstractAiding, Setting
+from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
@@ -259,35 +258,28 @@ class Aiding(Section):
         return self.sensor(**self.given("type"))  # type: ignore[call-arg]
 
 
-class GnssPositionSection(Aiding):
-    """Standard deviations in m, or models."""
-
-    sensor = GnssPosition
-    horizontal: Annotated[float | str, _noise_in("m")]
-    vertical: Annotated[float | str, _noise_in("m")]
-    believed: Annotated[tuple[Length, Length], Field(strict=False)] | None = None
-
-
-class GnssVelocitySection(Aiding):
-    """Standard deviations in m/s, or models."""
-
-    sensor = GnssVelocity
-    horizontal: Annotated[float | str, _noise_in("m/s")]
-    vertical: Annotated[float | str, _noise_in("m/s")]
-    believed: Annotated[tuple[Speed, Speed], Field(strict=False)] | None = None
+def _setting(value: Any, setting: Setting) -> Any:
+    """What a sensor takes: one number or model, or a list of as many as it has components."""
+    one = _noise if setting.or_model else quantity
+    count = len(value) if isinstance(value, list) else 1
+    if count not in setting.counts:
+        raise ValueError(f"expected {' or '.join(map(str, setting.counts))} in {setting.unit}, and there are {count}")
+    return [one(v, setting.unit) for v in value] if isinstance(value, list) else one(value, setting.unit)
 
 
-class BarometerSection(Aiding):
-    """A standard deviation in m, or a model."""
+def _aiding_section(sensor: type[AbstractAiding]) -> type[Aiding]:
+    """The section of a sensor, from what it says of its arguments."""
+    fields: dict[str, Any] = {
+        name: (Annotated[Any, BeforeValidator(partial(_setting, setting=s))], ... if s.required else None)
+        for name, s in sensor.settings.items()
+    }
+    section = create_model(sensor.__name__, __base__=Aiding, **fields)
+    section.sensor = sensor
+    return section
 
-    sensor = Barometer
-    height: Annotated[float | str, _noise_in("m")]
-    believed: Length | None = None
 
-
-AIDING: dict[str, type[Aiding]] = {
-    "gnss_position": GnssPositionSection, "gnss_velocity": GnssVelocitySection, "barometer": BarometerSection,
-}  # fmt: skip
+AIDING: dict[str, type[Aiding]] = {name: _aiding_section(sensor) for name, sensor in SENSORS.items()}
+"""Type of an aiding sensor -> its section."""
 
 
 # -- [initial], [run], [output] ---------------------------------------------------------------------------------------

@@ -14,22 +14,11 @@ from jaxtyping import Array, Float
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.linalg import symmetrise
 from nav_jax.kinematics.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
-
-
-class NavState(NamedTuple):
-    """The estimate of R runs."""
-
-    p: Float[Array, "3 R"]
-    """Position in n, m."""
-    v: Float[Array, "3 R"]
-    """Velocity in n, m/s."""
-    q: Float[Array, "4 R"]
-    """Attitude q_nb."""
-    x: Float[Array, "M R"]
-    """Sensor states."""
+from nav_jax.kinematics.state import NavState
 
 
 class Update(NamedTuple):
@@ -51,7 +40,7 @@ def mechanise(
 ) -> NavState:
     """Advance the estimate by the n pieces of one covariance step, without the covariance."""
     for i in range(len(dt)):
-        state = _piece(state, imu[i], dt[i], ends[i], bank, g_n)
+        state, _ = _piece(state, imu[i], dt[i], ends[i], bank, g_n)
     return state
 
 
@@ -62,38 +51,48 @@ def mechanise_with_motion(
     ends: Float[Array, " n"],
     bank: SensorBank,
     g_n: Float[Array, "3 1"],
+    *,
+    with_reading: bool = False,
 ) -> tuple[NavState, Motion]:
-    """Advance the estimate by one covariance step, and sum up the motion over it."""
+    """Advance the estimate by one covariance step, and sum up the motion over it.
+
+    The mean reading is a part of it where the bank depends on it, or on demand.
+    """
+    with_reading = with_reading or bank.depends
     first, T = state, jnp.sum(dt)
     C = dcm_from_quat(state.q)
     C_sum = jnp.zeros_like(C)
 
     def piece(carry, inputs):
-        state, C, C_sum = carry
+        state, C, C_sum, reading = carry
         sample, length, end = inputs
-        state = _piece(state, sample, length, end, bank, g_n)
+        state, sensed = _piece(state, sample, length, end, bank, g_n)
         C_next = dcm_from_quat(state.q)
-        return (state, C_next, C_sum + length / 2 * (C + C_next)), None
+        reading = None if reading is None else reading + length * sensed
+        return (state, C_next, C_sum + length / 2 * (C + C_next), reading), None
 
+    carry = (state, C, C_sum, jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None)
     if len(dt) == 1:
-        (state, _, C_sum), _ = piece((state, C, C_sum), (imu[0], dt[0], ends[0]))
+        (state, _, C_sum, reading), _ = piece(carry, (imu[0], dt[0], ends[0]))
     else:
-        (state, _, C_sum), _ = jax.lax.scan(piece, (state, C, C_sum), (imu, dt, ends))
+        (state, _, C_sum, reading), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
     # an empty step has no mean, and needs none: everything it multiplies is zero
-    mean = C_sum * jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
+    inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
+    mean = C_sum * inverse
     S_1 = state.v - first.v - T * g_n
     S_2 = state.p - first.p - T * first.v - T**2 / 2 * g_n
-    return state, Motion(mean, S_1, S_2)
+    return state, Motion(mean, S_1, S_2, None if reading is None else reading * inverse)
 
 
 def _piece(state, sample, dt, ends, bank, g_n):
-    sensed = sample - bank.errors(state.x)
+    """The estimate after a piece, and what the IMU has sensed during it as far as one knows."""
+    sensed = bank.compensated(sample, state.x)
     p, v, q = strapdown.step(state.p, state.v, state.q, sensed[3:], sensed[:3], dt, g_n)
-    return NavState(p, v, q, bank.advance(state.x, ends))
+    return NavState(p, v, q, bank.advance(state.x, ends)), sensed
 
 
 def update(
-    P: Float[Array, "n n Q"], H: Float[Array, "K nav"], variance: Float[Array, " K"], valid: Float[Array, " K"]
+    P: Float[Array, "n n Q"], H: Float[Array, "K m #Q"], variance: Float[Array, " K"], valid: Float[Array, " K"]
 ) -> tuple[Float[Array, "n n Q"], Update]:
     """Take K scalar measurements into a covariance, in turn.
 
@@ -102,7 +101,7 @@ def update(
     P
         Covariance of the error state.
     H
-        Derivative of each measurement with respect to the navigation errors.
+        Derivative of each measurement with respect to the first m errors; the others it does not see.
     variance
         Of each measurement.
     valid
@@ -112,12 +111,12 @@ def update(
 
     def scalar(P, inputs):
         h, r, is_valid = inputs
-        u = jnp.sum(h[:, None, None] * P[:seen], axis=0)  # P H'
-        s = jnp.sum(h[:, None] * u[:seen], axis=0) + r
+        u = jnp.sum(h[:, None] * P[:seen], axis=0)  # P H'
+        s = jnp.sum(h * u[:seen], axis=0) + r
         K = is_valid * u / s[None]
         # (1 - K H) P (1 - K H)' + K r K'
         left = P - K[:, None] * u[None]
-        right = jnp.sum(h[None, :, None] * left[:, :seen], axis=1)
+        right = jnp.sum(h[None] * left[:, :seen], axis=1)
         return left - right[:, None] * K[None] + r * K[:, None] * K[None], Update(K, s)
 
     P, done = jax.lax.scan(scalar, P, (H, variance, valid))
@@ -125,14 +124,14 @@ def update(
 
 
 def correction(
-    gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K nav"]
+    gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K m #R"]
 ) -> tuple[Float[Array, "n R"], Float[Array, "K R"]]:
     """The correction z - h(x) asks for, scalar after scalar, and the innovations: residuals given those before."""
     seen = H.shape[1]
 
     def scalar(c, inputs):
         K, nu, h = inputs
-        innovation = nu - jnp.sum(h[:, None] * c[:seen], axis=0)
+        innovation = nu - jnp.sum(h * c[:seen], axis=0)
         return c + K * innovation[None], innovation
 
     zero = jnp.zeros((gain.shape[1], residual.shape[1]))

@@ -43,6 +43,8 @@ class Motion(NamedTuple):
     C_mean: Float[Array, "3 3 R"]
     S_1: Float[Array, "3 R"]
     S_2: Float[Array, "3 R"]
+    reading: Float[Array, "ch R"] | None = None
+    """Mean of what the IMU senses, where errors depend on it."""
 
 
 def full(P: Covariance) -> Float[Array, "n n R"]:
@@ -61,7 +63,7 @@ class _Step:
     """The maps of one covariance step, see the head of this file."""
 
     def __init__(self, motion: Motion, noise: StepNoise):
-        self.C, self.S_1, self.S_2 = motion
+        self.C, self.S_1, self.S_2, self.reading = motion
         self.noise, self.T = noise, noise.duration
         self.lever = self.S_1 - self.S_2 * noise.inverse_duration
 
@@ -78,7 +80,7 @@ class _Step:
 
     def H(self, X: Array) -> Array:
         """Sensor states to navigation errors; X (M, K, R)."""
-        return self.G(self.noise.integrate(X))
+        return self.G(self.noise.integrate(X, self.reading))
 
 
 def transition(X: Float[Array, "n K R"], motion: Motion, noise: StepNoise) -> Float[Array, "n K R"]:

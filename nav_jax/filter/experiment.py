@@ -18,10 +18,12 @@ from jaxtyping import Float, Int, Key
 from gmwm_jax._internal.checks import of_kind
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.ekf import NavState, inject
+from nav_jax.aiding.states import joined
+from nav_jax.filter.ekf import inject
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.loop import reference_gains, run_estimate, run_reference
+from nav_jax.filter.measurement import decorrelated
 from nav_jax.filter.scenario import Scenario, output_times
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
@@ -34,6 +36,7 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.linalg import factor
+from nav_jax.kinematics.state import BodyMotion, NavState
 from nav_jax.trajectory.trajectory import Trajectory
 
 GAINS = ("estimate", "reference")
@@ -144,24 +147,36 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     """
     timeline = experiment.timeline
     M, num_runs = timeline.pattern.shape[0], keys.shape[0]
-    errors = emulate(truth, keys, experiment.num_samples, timeline.ends[timeline.pattern])
+    sensed = (timeline.imu, timeline.sensed)
+    errors = emulate(truth, keys, experiment.num_samples, timeline.ends[timeline.pattern], sensed)
     deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (NAVIGATION.size,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
-    z = []
-    for sensor, fixes, num in zip(experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True):
-        exact = jax.vmap(sensor.predict)(timeline.truth.p, timeline.truth.v)
-        noise = sensor.draw(num, jax.vmap(lambda k, name=sensor.name: stream(k, name))(keys))
+    z = [jnp.zeros((M, 0, num_runs))]
+    passed = jnp.cumsum(timeline.ends[timeline.pattern].sum(axis=(1, 2))).astype(int)
+    for i, (sensor, fixes, num) in enumerate(
+        zip(experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True)
+    ):
         number_of, segment = fixes
-        z.append(jnp.broadcast_to(exact, (M, exact.shape[1], num_runs)).at[segment].add(noise[number_of]))
-    z.append(jnp.zeros((M, 0, num_runs)))
+        keys_of = jax.vmap(lambda k, name=sensor.name: stream(k, name))(keys)
+        noise = sensor.draw(num, keys_of)[number_of]
+        x = jnp.zeros((len(number_of), 0, 1))
+        if sensor.states:
+            steps, of_states = jnp.diff(passed[segment], prepend=0), jax.vmap(lambda k: stream(k, "states"))(keys_of)
+            x = timeline.own.draw(i, steps, experiment.num_samples, of_states)
+        runs = x.shape[2]
+        truth_at_fixes = [jnp.repeat(a[segment], runs, axis=2) for a in (*timeline.truth, timeline.sensed[:, :, None])]
+        *state, motion = truth_at_fixes
+        exact = jax.vmap(sensor.predict)(NavState(*state, x), BodyMotion(motion[:, :3], motion[:, 3:]))
+        measured = jax.vmap(lambda h, sensor=sensor: decorrelated(sensor, h))(exact) + noise
+        z.append(jnp.zeros((M, len(sensor.axes), num_runs)).at[segment].set(measured))
     return Inputs(begin, errors, jnp.concatenate(z, axis=1))
 
 
 @eqx.filter_jit
 def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, smooth: bool = False) -> Gains:
     """Covariance and gains of a filter along the reference; more of it for `run_filter` with `trace` or `smooth`."""
-    bank = filter.bank()
+    bank = joined(filter.bank(), experiment.timeline.own)
     start = experiment.start._replace(x=jnp.zeros((len(bank.states), 1)))
     P = start_covariance(experiment.initial, bank)
     return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, trace=trace, remember=smooth)
@@ -194,7 +209,7 @@ def run_filter(
     smooth
         Judge the estimate of the smoother, from all measurements of the run; innovations are those of the filter.
     """
-    bank = filter.bank()
+    bank = joined(filter.bank(), experiment.timeline.own)
     num_runs = inputs.start.p.shape[1]
     inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), num_runs))))
     timeline, sensors = experiment.timeline, experiment.sensors

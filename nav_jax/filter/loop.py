@@ -11,16 +11,13 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
-from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.ekf import NavState, correction, inject, mechanise, mechanise_with_motion, update
+from nav_jax.filter.ekf import correction, inject, mechanise, mechanise_with_motion, update
 from nav_jax.filter.error_model import blocks, full, propagate, transition
-from nav_jax.filter.layout import NAVIGATION
+from nav_jax.filter.measurement import Measurements, Sensors, compensated
 from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
 from nav_jax.filter.timeline import Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
 from nav_jax.imu.bank import SensorBank, alone, step_noises
-
-Sensors = tuple[AbstractAiding, ...]
 
 
 def run_estimate(
@@ -52,7 +49,9 @@ def run_estimate(
     remember
         Keep what a smoother wants.
     """
-    H, variance = stacked(sensors)
+    aiding = Measurements(sensors, timeline.own)
+    constant, variance = aiding.constant(), aiding.variance
+    moves = aiding.uses_body or bank.depends
     alike = alone(bank)
     kinds = step_noises(alike, timeline.dt, timeline.ends)
     one = _identity(P_start, inputs.start.p.shape[1]) if remember else None
@@ -67,26 +66,32 @@ def run_estimate(
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
-        return (state, P, status, noise, Phi), _estimate(state, bank, claim(P, alike).sd) if trace else None
+        kept = _estimate(state, bank, claim(P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None
+        return (state, P, status, noise, Phi), kept
 
     def event(carry, given):
         state, P, status, noise, Phi = carry
         at, z, own = given
+        sensed = at.sensed[:, None]
+        body = compensated(sensed + inputs.errors.sample(noise, own), state, bank) if moves else None
+        H = aiding.derivative(state, body, bank) if constant is None else constant
         whole, done = update(full(P), H, variance, at.valid)
-        c, innovation = correction(done.gain, z - _predict(sensors, state), H)
+        c, innovation = correction(done.gain, z - aiding.predict(state, body), H)
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
-        judgement = judge(state, claim(P, alike), bank, at.truth, inputs.errors.lasting(noise, own))
-        memory = None if Phi is None else Memory(full(P), done.gain, Phi)
+        judgement = judge(state, claim(P, alike, sensed), bank, at.truth, inputs.errors.lasting(noise, own), sensed)
+        memory = None if Phi is None else Memory(full(P), done.gain, Phi, H if constant is None else None)
         return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory)
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
     start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
-    events = (_Event(timeline.truth, timeline.valid), inputs.z, inputs.errors.per_segment)
+    events = (_Event(timeline.truth, timeline.valid, timeline.sensed), inputs.z, inputs.errors.per_segment)
     last, (kept, (judgement, innovation, variance_of, states, memory)) = time_loop(step, event, start, steps, events)
-    whole = _trace(inputs.start, states, bank, claim(P, alike).sd, kept, judgement) if trace else None
+    whole = None
+    if trace:
+        whole = _trace(timeline, inputs.start, states, bank, claim(P, alike, _first(timeline)).sd, kept, judgement)
     return Outcome(judgement, innovation, variance_of, last[2], states, whole, memory)
 
 
@@ -109,7 +114,9 @@ def reference_gains(
     start
         The reference at the start, one run, with sensor states of zero.
     """
-    H, variance = stacked(sensors)
+    aiding = Measurements(sensors, timeline.own)
+    constant, variance = aiding.constant(), aiding.variance
+    moves = aiding.uses_body or bank.depends
     alike = alone(bank)
     kinds = step_noises(alike, timeline.dt, timeline.ends)
     one = _identity(P_start, 1) if remember else None
@@ -123,19 +130,23 @@ def reference_gains(
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
-        return (state, P, Phi), claim(P, alike).sd if trace else None
+        return (state, P, Phi), claim(P, alike, imu[0, :, None]).sd if trace else None
 
     def event(carry, at):
         state, P, Phi = carry
+        sensed = at.sensed[:, None]
+        body = compensated(sensed, state, bank) if moves else None
+        H = aiding.derivative(state, body, bank) if constant is None else constant
         whole, done = update(full(P), H, variance, at.valid)
         P = blocks(whole)
-        memory = None if Phi is None else Memory(whole, done.gain, Phi)
-        return (state, P, one), Gains(done, claim(P, alike), memory, None)
+        kept = H if constant is None else None
+        memory = None if Phi is None else Memory(whole, done.gain, Phi, kept)
+        return (state, P, one), Gains(done, claim(P, alike, sensed), memory, kept, None)
 
     P = blocks(P_start[:, :, None])
-    events = _Event(timeline.truth, timeline.valid)
+    events = _Event(timeline.truth, timeline.valid, timeline.sensed)
     _, (sd, gains) = time_loop(step, event, (start, P, one), (timeline.pattern, timeline.imu), events)
-    return gains._replace(sd=(claim(P, alike).sd, sd)) if trace else gains
+    return gains._replace(sd=(claim(P, alike, _first(timeline)).sd, sd)) if trace else gains
 
 
 def run_reference(
@@ -150,7 +161,8 @@ def run_reference(
     """
     if trace and gains.sd is None:
         raise ValueError("A trace needs what is claimed at every step: gains_of(experiment, filter, trace=True).")
-    H, _ = stacked(sensors)
+    aiding = Measurements(sensors, timeline.own)
+    constant, moves = aiding.constant(), aiding.uses_body or bank.depends
 
     def step(carry, given):
         state, status, noise = carry
@@ -158,33 +170,44 @@ def run_reference(
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.g_n)
-        kept = None if sd is None else _estimate(state, bank, sd)
+        kept = None if sd is None else _estimate(state, bank, sd, imu[0, :, None])
         return (state, status, noise), kept
 
     def event(carry, given):
         state, status, noise = carry
         at, known, z, own = given
-        c, innovation = correction(known.update.gain, z - _predict(sensors, state), H)
+        sensed = at.sensed[:, None]
+        body = compensated(sensed + inputs.errors.sample(noise, own), state, bank) if moves else None
+        H = known.H if constant is None else constant
+        c, innovation = correction(known.update.gain, z - aiding.predict(state, body), H)
         state = inject(state, c)
         status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
-        judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own))
+        judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own), sensed)
         return (state, status, noise), (judgement, innovation, state)
 
     start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
     begin, sds = gains.sd if trace and gains.sd is not None else (None, None)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step, sds)
     known = gains._replace(memory=None, sd=None)
-    events = (_Event(timeline.truth, timeline.valid), known, inputs.z, inputs.errors.per_segment)
+    events = (_Event(timeline.truth, timeline.valid, timeline.sensed), known, inputs.z, inputs.errors.per_segment)
     (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
-    whole = None if begin is None else _trace(inputs.start, states, bank, begin, kept, judgement)
+    whole = None if begin is None else _trace(timeline, inputs.start, states, bank, begin, kept, judgement)
     return Outcome(judgement, innovation, gains.update.variance, status, states, whole, gains.memory)
 
 
-def _estimate(state: NavState, bank: SensorBank, sd: Float[Array, "judged Q"]) -> Estimate:
-    return Estimate(state.p, state.v, state.q, bank.errors(state.x), sd)
+def _estimate(
+    state: NavState, bank: SensorBank, sd: Float[Array, "judged Q"], sensed: Float[Array, "ch 1"]
+) -> Estimate:
+    return Estimate(state.p, state.v, state.q, bank.errors(state.x, sensed), sd)
+
+
+def _first(timeline: Timeline) -> Float[Array, "ch 1"]:
+    """What the IMU senses at the start."""
+    return timeline.imu[0, 0, 0, :, None]
 
 
 def _trace(
+    timeline: Timeline,
     start: NavState,
     states: NavState,
     bank: SensorBank,
@@ -193,14 +216,15 @@ def _trace(
     judgement: Judgement,
 ) -> Trace:
     """The trace of runs from their start, the estimates at the events, what is claimed at both, and the steps."""
-    return Trace(
-        _estimate(start, bank, sd), steps, jax.vmap(lambda s, sd: _estimate(s, bank, sd))(states, judgement.sd)
-    )
+    events = jax.vmap(lambda s, sd, sensed: _estimate(s, bank, sd, sensed))
+    at_events = events(states, judgement.sd, timeline.sensed[:, :, None])
+    return Trace(_estimate(start, bank, sd, _first(timeline)), steps, at_events)
 
 
 class _Event(NamedTuple):
     truth: Truth
     valid: Float[Array, "M K"]
+    sensed: Float[Array, "M ch"]
 
 
 def time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:
@@ -217,18 +241,6 @@ def time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any
 
 def _identity(P: Float[Array, "n n"], num: int) -> Float[Array, "n n Q"]:
     return jnp.broadcast_to(jnp.eye(P.shape[0])[:, :, None], (*P.shape, num))
-
-
-def stacked(sensors: Sensors) -> tuple[Float[Array, "K nav"], Float[Array, " K"]]:
-    """H of all scalars, and the variances that the filter believes."""
-    none = [jnp.zeros((0, NAVIGATION.size))], [jnp.zeros(0)]
-    H = jnp.concatenate(none[0] + [s.jacobian() for s in sensors])
-    return H, jnp.concatenate(none[1] + [s.believed**2 for s in sensors])
-
-
-def _predict(sensors: Sensors, state: NavState) -> Float[Array, "K R"]:
-    none = jnp.zeros((0, state.p.shape[1]))
-    return jnp.concatenate([none, *(s.predict(state.p, state.v) for s in sensors)])
 
 
 def _check(state: NavState, P: Float[Array, "n n Q"]) -> Int[Array, " R"]:

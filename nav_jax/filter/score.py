@@ -5,12 +5,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from nav_jax.filter.ekf import NavState
 from nav_jax.filter.error_model import Covariance
 from nav_jax.filter.layout import ATTITUDE, GROUPS, NAVIGATION, POSITION, VELOCITY
-from nav_jax.imu.bank import SensorBank, by_channel
+from nav_jax.imu.bank import SensorBank, by_channel, multiples
+from nav_jax.imu.channels import NO_CHANNEL
 from nav_jax.kinematics.linalg import root, transpose, whiten
 from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
+from nav_jax.kinematics.state import NavState
 
 _POSE = len(NAVIGATION.columns(*GROUPS["pose"]))
 
@@ -46,17 +47,27 @@ class Judgement(NamedTuple):
     """Of `GROUPS`; NaN where the covariance is singular."""
 
 
-def claim(P: Covariance, banks: SensorBank) -> Claim:
-    """Marginal covariances that filters claim; `banks` has a leading axis, of 1 where runs share it."""
-    h = banks.readout.T[:, None]
+def claim(P: Covariance, banks: SensorBank, sensed: Float[Array, "ch 1"]) -> Claim:
+    """Marginal covariances that filters claim; `banks` has a leading axis, of 1 where runs share it.
+
+    Errors of the channels are those at the reading `sensed` of the IMU.
+    """
+    h = (banks.readout.T * multiples(banks.states, sensed) if banks.depends else banks.readout.T)[:, None]
     rows = by_channel(banks.channels, h * P.sensors)
     return Claim(P.navigation, by_channel(banks.channels, h * transpose(rows)))
 
 
-def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting: Float[Array, "ch R"]) -> Judgement:
-    """Compare an estimate with the truth."""
+def judge(
+    state: NavState,
+    claim: Claim,
+    bank: SensorBank,
+    truth: Truth,
+    lasting: Float[Array, "ch R"],
+    sensed: Float[Array, "ch 1"],
+) -> Judgement:
+    """Compare an estimate with the truth, where the IMU senses this."""
     psi = quat_to_rotvec(quat_multiply(state.q, quat_conjugate(jnp.broadcast_to(truth.q, state.q.shape))))
-    sensors = bank.errors(state.x) - lasting
+    sensors = bank.errors(state.x, sensed) - lasting
     error = jnp.concatenate([state.p - truth.p, state.v - truth.v, psi, sensors])
     N = claim.navigation
     # the factor of a matrix holds those of its leading blocks: position, pose, navigation at once
@@ -64,7 +75,7 @@ def judge(state: NavState, claim: Claim, bank: SensorBank, truth: Truth, lasting
     y = jnp.cumsum(whiten(N[order][:, order], error[order]) ** 2, axis=0)
     velocity = jnp.sum(whiten(N[VELOCITY, VELOCITY], error[VELOCITY]) ** 2, axis=0)
     attitude = jnp.sum(whiten(N[ATTITUDE, ATTITUDE], error[ATTITUDE]) ** 2, axis=0)
-    seen = jnp.array(sorted(set(bank.channels)), dtype=int)
+    seen = jnp.array(sorted({*bank.channels} - {NO_CHANNEL}), dtype=int)
     if len(seen):
         of_sensors = jnp.sum(whiten(claim.sensors[seen][:, seen], sensors[seen]) ** 2, axis=0)
     else:

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.ekf import NavState, Update
+from nav_jax.aiding.states import OwnStates, own_states
+from nav_jax.filter.ekf import Update
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.schedule import Schedule
 from nav_jax.filter.score import Claim, Judgement, Truth
@@ -18,6 +19,7 @@ from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import AbstractErrors
 from nav_jax.imu.imu import Imu
+from nav_jax.kinematics.state import NavState
 
 
 class Timeline(eqx.Module):
@@ -33,6 +35,10 @@ class Timeline(eqx.Module):
     valid: Float[Array, "M K"]
     """1 where a scalar is measured at the end of a segment."""
     g_n: Float[Array, "3 1"]
+    sensed: Float[Array, "M ch"]
+    """The perfect sample that begins at the end of each segment, or goes on there."""
+    own: OwnStates
+    """States of the aiding sensors."""
 
 
 class Inputs(NamedTuple):
@@ -54,6 +60,8 @@ class Memory(NamedTuple):
     """Of that update, see `Update`."""
     transition: Float[Array, "M n n Q"]
     """From its beginning to its end, before the update."""
+    H: Float[Array, "M K n Q"] | None
+    """Derivative of the scalars, where it is not one constant."""
 
 
 class Estimate(NamedTuple):
@@ -100,6 +108,8 @@ class Gains(NamedTuple):
     update: Update
     claim: Claim
     memory: Memory | None
+    H: Float[Array, "M K n 1"] | None
+    """Derivative of the scalars, where it is not one constant."""
     sd: tuple[Float[Array, "judged 1"], Float[Array, "M G judged 1"]] | None
     """Claimed at the start and after each covariance step, if it was asked for."""
 
@@ -120,14 +130,18 @@ def timeline_of(
     valid = np.zeros((M, sum(sizes)))
     for at, size, segments in zip(np.cumsum([0, *sizes]), sizes, fix_segments, strict=False):
         valid[segments, at : at + size] = 1.0
+    after = np.minimum(np.cumsum(schedule.ends[schedule.pattern].sum(axis=(1, 2))).astype(int), len(imu) - 1)
+    both = np.concatenate([imu.accel, imu.gyro], axis=1)
     return Timeline(
-        imu=jnp.asarray(np.concatenate([imu.accel, imu.gyro], axis=1)[samples].reshape(M, G, -1, len(CHANNELS))),
+        imu=jnp.asarray(both[samples].reshape(M, G, -1, len(CHANNELS))),
         pattern=jnp.asarray(schedule.pattern),
         dt=jnp.asarray(schedule.dt),
         ends=jnp.asarray(schedule.ends),
         truth=truth,
         valid=jnp.asarray(valid),
         g_n=g_n,
+        sensed=jnp.asarray(both[after]),
+        own=own_states(sensors, imu.rate),
     )
 
 

@@ -45,9 +45,40 @@ class SensorBank(eqx.Module):
         """The channel of each state."""
         return tuple(s.channel for s in self.states)
 
-    def errors(self, x: Float[Array, "M *R"]) -> Float[Array, "ch *R"]:
-        """The error of each channel without its white part."""
-        return by_channel(self.channels, self.readout.reshape(-1, *(1,) * (x.ndim - 1)) * x)
+    @property
+    def depends(self) -> bool:
+        """Does what a state does depend on what the IMU senses?"""
+        return any(s.reads is not None for s in self.states)
+
+    def readout_at(self, sensed: Float[Array, "ch _"] | None) -> Float[Array, "M _"]:
+        """What each state adds to its channel, at a reading of the IMU; that is not looked at unless `depends`."""
+        if not self.depends:
+            return self.readout[:, None]
+        return self.readout[:, None] * multiples(self.states, sensed)
+
+    def errors(self, x: Float[Array, "M R"], sensed: Float[Array, "ch _"] | None = None) -> Float[Array, "ch R"]:
+        """The error of each channel without its white part, where it senses that."""
+        return by_channel(self.channels, self.readout_at(sensed) * x)
+
+    def steady(self, x: Float[Array, "M R"]) -> Float[Array, "ch R"]:
+        """The part of `errors` that is the same whatever is sensed."""
+        return by_channel(self.channels, self._part(changing=False)[:, None] * x)
+
+    def changing(self, x: Float[Array, "M R"], sensed: Float[Array, "ch _"]) -> Float[Array, "ch R"]:
+        """The other part."""
+        return by_channel(self.channels, self._part(changing=True)[:, None] * multiples(self.states, sensed) * x)
+
+    def _part(self, *, changing: bool) -> Float[Array, " M"]:
+        if not self.depends:
+            return self.readout
+        return self.readout * np.array([float((s.reads is not None) == changing) for s in self.states])
+
+    def compensated(self, sample: Float[Array, "ch _"], x: Float[Array, "M R"]) -> Float[Array, "ch R"]:
+        """What the IMU has sensed, from what it says: its sample without the errors of these states."""
+        if not self.depends:
+            return sample - self.errors(x)
+        # errors are multiples of what is sensed: once more, and what is left is of third order in them
+        return sample - self.errors(x, sample - self.errors(x, sample))
 
     def advance(self, x: Float[Array, "M R"], ends: Float[Array, ""]) -> Float[Array, "M R"]:
         """Phi x where a sample ends (1), x where it does not (0)."""
@@ -75,14 +106,17 @@ class StepNoise(eqx.Module):
     """Covariance of the noise in x."""
     second_integral: Float[Array, ""]
     """Variance of the second integral of white noise over that of the first, less T^2/2: negative."""
-    channels: tuple[int, ...] = eqx.field(static=True)
+    states: tuple[SensorState, ...] = eqx.field(static=True)
     diagonal: bool = eqx.field(static=True)
     several: bool = eqx.field(static=True)
     """More than one sample in a step."""
 
-    def integrate(self, X: Float[Array, "M K R"]) -> Float[Array, "ch K R"]:
-        """Weighted sum over the states of each channel."""
-        return by_channel(self.channels, self.weights[:, None] * X)
+    def integrate(self, X: Float[Array, "M K R"], reading: Float[Array, "ch _"] | None) -> Float[Array, "ch K R"]:
+        """Weighted sum over the states of each channel; `reading` is the mean of the step, if states depend on it."""
+        weights = self.weights
+        if any(s.reads is not None for s in self.states):
+            weights = weights * multiples(self.states, reading)
+        return by_channel(tuple(s.channel for s in self.states), weights[:, None] * X)
 
     def carry(self, S: Float[Array, "J M R"]) -> Float[Array, "J M R"]:
         """S Phi'."""
@@ -98,8 +132,15 @@ class StepNoise(eqx.Module):
         return jnp.einsum("imr,mnr,jnr->ijr", Phi, B, Phi) + self.driving
 
 
+def multiples(states: tuple[SensorState, ...], sensed: Any) -> Float[Array, "M R"]:
+    """The reading of which the effect of each state is a multiple, 1 where it is of none."""
+    one = jnp.ones((1, sensed.shape[1]))
+    at = np.array([0 if s.reads is None else 1 + s.reads for s in states], dtype=int)
+    return jnp.concatenate([one, sensed])[at]
+
+
 def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"]) -> Float[Array, "ch *K"]:
-    """Sum over the states of each channel; 0 for a channel without state."""
+    """Sum over the states of each channel; 0 for a channel without state. States of `NO_CHANNEL` are left out."""
     rest = X.shape[1:]
     total = jnp.zeros((len(CHANNELS), *rest), X.dtype)
     for run in _runs(channels):
@@ -125,7 +166,12 @@ def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
     at = 0
     for channel, count in counts:
         last = runs[-1] if runs else None
-        if last and channel == last.first + last.channels and (last.stop - last.start) == count * last.channels:
+        if (
+            last
+            and last.first >= 0
+            and channel == last.first + last.channels
+            and (last.stop - last.start) == count * last.channels
+        ):
             runs[-1] = last._replace(stop=at + count, channels=last.channels + 1)
         else:
             runs.append(_Run(at, at + count, channel, 1))
@@ -162,7 +208,7 @@ def step_noise(banks: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n
     spread = jnp.sum(dt * (T - middle) ** 2) * inverse - T**2 / 2
     parts = jax.vmap(lambda bank: _accumulate(bank, dt, ends), out_axes=-1)(banks)
     return StepNoise(
-        T, inverse, *parts, spread, channels=banks.channels, diagonal=banks.diagonal, several=len(dt) > 1
+        T, inverse, *parts, spread, states=banks.states, diagonal=banks.diagonal, several=len(dt) > 1
     )  # fmt: skip
 
 

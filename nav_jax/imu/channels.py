@@ -19,5 +19,8 @@ class SensorState(NamedTuple):
     in_filter: bool = True
     """Does a filter hold it? The truth has states that no filter has, such as those of quantisation noise."""
 
+    reads: int | None = None
+    """The channel of whose reading its effect is a multiple; None where its effect is the same at all times."""
+
     def __str__(self) -> str:
         return self.label if self.channel == NO_CHANNEL else f"{CHANNELS[self.channel]} {self.label}"

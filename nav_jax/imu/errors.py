@@ -20,12 +20,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gmwm_jax import Composite, datasets, read_recording
-from gmwm_jax._internal.checks import as_float, concrete, positive, sampling_rate
+from gmwm_jax._internal.checks import as_float, concrete, of_kind, positive, sampling_rate
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS, SensorState
-from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form
+from nav_jax.imu.deterministic import AbstractDeterministic, Constant
+from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form, constant_form
 from nav_jax.imu.recorded import RecordedErrors
 
 
@@ -41,6 +42,8 @@ class ImuErrors(eqx.Module):
         Sampling rate in Hz that the parameters belong to. Fits know theirs, models do not.
     accel_bias_sd, gyro_bias_sd
         Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three.
+    deterministic
+        Constants of the unit that a calibration has left unknown, such as `ScaleFactor` and `Misalignment`.
     start
         ``stationary``: every process starts from its stationary distribution, if it has one (a random walk starts with
         its first step). ``zero``: all states are zero before the first sample, so that this is their first innovation,
@@ -62,6 +65,8 @@ class ImuErrors(eqx.Module):
     bias_sd: Float[Array, " ch"]
     biased: tuple[int, ...] = eqx.field(static=True)
     """Channels with a turn-on bias."""
+    deterministic: tuple[AbstractDeterministic, ...]
+    """Errors that are no noise."""
     rate: float = eqx.field(static=True)
     start: str = eqx.field(static=True)
 
@@ -73,6 +78,7 @@ class ImuErrors(eqx.Module):
         *,
         accel_bias_sd: Any = 0.0,
         gyro_bias_sd: Any = 0.0,
+        deterministic: Sequence[Any] = (),
         start: str = "stationary",
     ):
         given = [*_per_axis("accel", accel), *_per_axis("gyro", gyro)]
@@ -90,6 +96,9 @@ class ImuErrors(eqx.Module):
         self.bias_sd = jnp.concatenate([_three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd)])
         seen = concrete(self.bias_sd)
         self.biased = tuple(range(len(CHANNELS))) if seen is None else tuple(int(i) for i in np.flatnonzero(seen))
+        self.deterministic = tuple(deterministic)
+        for d in self.deterministic:
+            of_kind("An error that is no noise", d, AbstractDeterministic)
         self.rate = rates.pop()
         self.start = start
 
@@ -102,13 +111,14 @@ class ImuErrors(eqx.Module):
             An AR1 with phi <= 0 has no continuous-time form.
         """
         rate = sampling_rate(rate)
-        models = [_at_rate(m, self.rate, rate) for m in self.models]
+        models = [resampled(m, self.rate, rate) for m in self.models]
         return ImuErrors(
             models[:3],
             models[3:],
             rate,
             accel_bias_sd=self.bias_sd[:3],
             gyro_bias_sd=self.bias_sd[3:],
+            deterministic=self.deterministic,
             start=self.start,
         )
 
@@ -141,9 +151,10 @@ class ImuErrors(eqx.Module):
                 states += [SensorState(channel, f"{label} {name}".rstrip(), process.in_filter) for name in names]
                 forms.append(form)
             if channel in self.biased:
-                one, zero = jnp.ones((1, 1)), jnp.zeros((1, 1))
-                forms.append(StateSpace(one, zero, jnp.ones(1), self.bias_sd[channel] ** 2 * one, zero[0, 0]))
+                forms.append(constant_form(self.bias_sd[channel]))
                 states.append(SensorState(channel, "bias"))
+            states += [c.state for c in self.constants(channel)]
+            forms += [constant_form(c.sd) for c in self.constants(channel)]
         return SensorBank(
             transition=block_diagonal([f.transition for f in forms]),
             driving=block_diagonal([f.driving for f in forms]),
@@ -154,6 +165,10 @@ class ImuErrors(eqx.Module):
             states=tuple(states),
             diagonal=all(len(f.readout) == 1 for f in forms),
         )
+
+    def constants(self, channel: int) -> list[Constant]:
+        """Errors of a channel that are no noise."""
+        return [c for d in self.deterministic if d.present[channel] for c in d.constants(channel)]
 
     def stateless(self, channel: int) -> Composite | None:
         """The processes of a channel that are no states of a filter (quantisation noise); None if there are none."""
@@ -190,6 +205,7 @@ class ImuErrors(eqx.Module):
         sd = concrete(self.bias_sd)
         if sd is not None and sd.any():
             lines.append(f"  turn-on bias, sd: accel {sd[:3]} m/s^2, gyro {sd[3:]} rad/s")
+        lines += [f"  {d!r}" for d in self.deterministic]
         return "\n".join(lines)
 
 
@@ -301,7 +317,14 @@ def _three(name: str, value: Any) -> Float[Array, "3"]:
     return jnp.broadcast_to(value, (3,))
 
 
-def _at_rate(model: Composite, old: float, new: float) -> Composite:
+def resampled(model: Composite, old: Real, new: Real) -> Composite:
+    """The same continuous-time noise, per sample at another rate.
+
+    Raises
+    ------
+    ValueError
+        An AR1 with phi <= 0 has no continuous-time form.
+    """
     processes = []
     for p in model.processes:
         continuous = to_continuous(type(p), p.values, old)

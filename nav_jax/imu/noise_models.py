@@ -77,6 +77,12 @@ def markov_form(model: NoiseModel, what: str) -> StateSpace:
     )
 
 
+def constant_form(sd: Float[Array, ""]) -> StateSpace:
+    """The state-space form of a constant that is drawn once, with this standard deviation."""
+    one, zero = jnp.ones((1, 1)), jnp.zeros((1, 1))
+    return StateSpace(one, zero, jnp.ones(1), sd**2 * one, zero[0, 0])
+
+
 def markov_model(white: float, processes: Sequence[tuple[float, float]], walks: Sequence[float] = ()) -> NoiseModel:
     """White noise of a variance, Gauss-Markov processes of inverse correlation times and driving variances, walks."""
     parts = [GM(beta, driving / -np.expm1(-2 * beta)) for beta, driving in processes]

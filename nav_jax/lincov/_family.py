@@ -67,8 +67,9 @@ class Family(eqx.Module):
         return [structure[0] if g.channels[0] < 3 else structure[1] for g in self.groups]
 
     def num_states(self, structure: Structure) -> int:
-        """Sensor states of a filter, turn-on biases included."""
-        return 3 * sum(structure) + len(self.truth.biased)
+        """Sensor states of a filter, turn-on biases and other constants included."""
+        constants = sum(len(self.truth.constants(channel)) for channel in range(len(CHANNELS)))
+        return 3 * sum(structure) + len(self.truth.biased) + constants
 
     def mask(self, structure: Structure) -> Float[Array, " S"]:
         """1 for the processes of a structure."""
@@ -152,6 +153,11 @@ class Family(eqx.Module):
                     driving.append(jnp.zeros(1))
                     initial.append(self.truth.bias_sd[channel][None] ** 2)
                     states.append(SensorState(channel, "bias"))
+                for constant in self.truth.constants(channel):
+                    phi.append(jnp.ones(1))
+                    driving.append(jnp.zeros(1))
+                    initial.append(constant.sd[None] ** 2)
+                    states.append(constant.state)
         return SensorBank(
             transition=jnp.diag(jnp.concatenate(phi)),
             driving=jnp.diag(jnp.concatenate(driving)),
@@ -173,7 +179,13 @@ class Family(eqx.Module):
                 models[channel] = markov_model(float(np.exp(log_r)), sorted(markov, reverse=True), walks)
         sd = self.truth.bias_sd
         return ImuErrors(
-            models[:3], models[3:], self.truth.rate, accel_bias_sd=sd[:3], gyro_bias_sd=sd[3:], start=self.truth.start
+            models[:3],
+            models[3:],
+            self.truth.rate,
+            accel_bias_sd=sd[:3],
+            gyro_bias_sd=sd[3:],
+            deterministic=self.truth.deterministic,
+            start=self.truth.start,
         )
 
 

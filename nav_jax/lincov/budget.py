@@ -176,8 +176,11 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
         for name, part in starts.items():
             if known[part].any():
                 add(f"start {name}", start=NAVIGATION.columns(name))
+    own, at = experiment.timeline.own, M - experiment.timeline.own.size
     first = 0
-    for sensor in experiment.sensors:
+    for sensor, (a, b) in zip(experiment.sensors, own.parts, strict=True):
+        if a < b:
+            add(f"{sensor.name} {', '.join(s.name for s in sensor.states)}", states=range(at + a, at + b))
         add(sensor.name, aiding=range(first, first + len(sensor.axes)))
         first += len(sensor.axes)
     return found

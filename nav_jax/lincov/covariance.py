@@ -25,18 +25,22 @@ from jax import Array
 from jax.scipy.linalg import block_diag
 from jaxtyping import Bool, Float, Int
 
+from nav_jax.aiding.states import joined, power
 from nav_jax.filter.ekf import mechanise_with_motion, update
 from nav_jax.filter.error_model import Covariance, Motion, blocks, full, propagate
 from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.loop import stacked, time_loop
-from nav_jax.filter.score import Claim, claim
+from nav_jax.filter.layout import NAVIGATION
+from nav_jax.filter.loop import time_loop
+from nav_jax.filter.measurement import Measurements, Partials
+from nav_jax.filter.score import Claim, Truth, claim
 from nav_jax.filter.timeline import start_covariance
 from nav_jax.imu.bank import SensorBank, alone, step_noises
 from nav_jax.imu.channels import CHANNELS, NO_CHANNEL, SensorState
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import markov_form
 from nav_jax.kinematics.linalg import symmetrise, transpose
+from nav_jax.kinematics.state import BodyMotion, NavState
 
 
 class Lincov(NamedTuple):
@@ -63,7 +67,7 @@ def motion_of(experiment: Experiment) -> Motion:
     def step(state, given):
         kind, imu = given
         dt, ends = timeline.dt[kind], timeline.ends[kind]
-        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.g_n)
+        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.g_n, with_reading=True)
 
     def segment(state, given):
         return jax.lax.scan(step, state, given)
@@ -109,7 +113,7 @@ class AidingNoise(eqx.Module):
         """Joint covariance, these states last, after as many fixes of each scalar's sensor."""
         if not self.size:
             return J
-        many = [_power(f, elapsed[i], num) for i, (f, num) in enumerate(zip(self.forms, self.num_fixes, strict=True))]
+        many = [power(f, elapsed[i], num) for i, (f, num) in enumerate(zip(self.forms, self.num_fixes, strict=True))]
         rest = J.shape[0] - self.size
         A = block_diag(jnp.eye(rest), *(a for a, _ in many))
         return A @ J @ A.T + block_diag(jnp.zeros((rest, rest)), *(q for _, q in many))
@@ -148,7 +152,8 @@ def noise_of(experiment: Experiment, truth: ImuErrors) -> Noise:
         jnp.stack(first) if forms else zero[:0],
         tuple(nums),
     )
-    return Noise(experiment.initial.covariance, truth.bank(complete=True), aiding)
+    bank = joined(truth.bank(complete=True), experiment.timeline.own)
+    return Noise(experiment.initial.covariance, bank, aiding)
 
 
 @eqx.filter_jit
@@ -211,10 +216,13 @@ def covariances_of_many(
     if 1 != true_lanes != our_lanes != 1:
         raise ValueError(f"{true_lanes} truths and {our_lanes} filters: as many of both are wanted, or one of either.")
     lanes = max(true_lanes, our_lanes)
-    noises = _repeated(noises, lanes)
+    noises, ours = _repeated(noises, lanes), jax.vmap(lambda bank: joined(bank, timeline.own))(ours)
     joint = jax.vmap(_joint)(_repeated(ours, lanes), noises)
     aiding, elapsed = noises.aiding, noises.aiding.elapsed[0]  # all lanes have the same fixes
-    H, variance = stacked(experiment.sensors)
+    sensors = Measurements(experiment.sensors, timeline.own)
+    constant, variance = sensors.constant(), sensors.variance
+    partials = None if sensors.linear else _along(experiment, sensors)
+    motion = motion if joint.depends else motion._replace(reading=None)
     readout, white = jax.vmap(lambda a: (a.readout, a.white), out_axes=-1)(aiding)
     kinds = [step_noises(banks, timeline.dt, timeline.ends) for banks in (ours, joint)]
     # as in a Monte Carlo, rounding errors are no part of what the states stand for
@@ -231,22 +239,48 @@ def covariances_of_many(
 
     def event(carry, given):
         P, J = carry
-        valid, elapsed = given
+        valid, elapsed, sensed, partials = given
+        sensed = sensed[:, None]
+        H, of_rest = constant, readout
+        if partials is not None:
+            H, h = (_over_states(sensors, partials, banks, sensed) for banks in (ours, noises.imu))
+            # what the true states add to a measurement, they take off the innovation
+            of_rest = jnp.concatenate([-h[:, NAVIGATION.size :], readout], axis=1)
         whole, done = update(full(P), H, variance, valid)
-        both, innovation = _update_joint(full(J), H, readout, white, done.gain)
+        both, innovation = _update_joint(full(J), H, of_rest, white, done.gain)
         P, J = blocks(whole), blocks(move(both, elapsed))
         valid = valid[:, None]
         positive = sound & _positive(done.variance, innovation, _diagonal(whole), jnp.abs(_diagonal(both)))
-        out = Lincov(claim(J, lasting), claim(P, ours), valid * innovation, valid * done.variance, positive)
+        out = Lincov(
+            claim(J, lasting, sensed), claim(P, ours, sensed), valid * innovation, valid * done.variance, positive
+        )
         return (P, J), out
 
     P = jax.vmap(lambda bank: start_covariance(initial, bank), out_axes=-1)(ours)
     J = jax.vmap(lambda n, bank: n.aiding.advance(block_diag(n.start, bank.initial), n.aiding.first), out_axes=-1)(
         noises, joint
     )
-    carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed)
+    carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed, timeline.sensed, partials)
     found = time_loop(step, event, carry, (timeline.pattern, motion), events)[1][1]
     return jax.tree.map(lambda a: jnp.moveaxis(jnp.broadcast_to(a, (*a.shape[:-1], lanes)), -1, 0), found)
+
+
+def _along(experiment: Experiment, sensors: Measurements) -> Partials:
+    """Derivatives of what is measured at the end of each segment of the reference."""
+    timeline = experiment.timeline
+    nothing = jnp.zeros((timeline.own.size, 1))
+
+    def at(truth: Truth, sensed: Array) -> Partials:
+        return sensors.partials(NavState(*truth, nothing), BodyMotion(sensed[:3, None], sensed[3:, None]))
+
+    return jax.vmap(at)(timeline.truth, timeline.sensed)
+
+
+def _over_states(
+    sensors: Measurements, partials: Partials, banks: SensorBank, sensed: Float[Array, "ch 1"]
+) -> Float[Array, "K n L"]:
+    """Derivatives along the error states of L banks."""
+    return jax.vmap(lambda bank: sensors.over_state(partials, bank, sensed)[:, :, 0], out_axes=-1)(banks)
 
 
 def _is_lasting(bank: SensorBank) -> Float[np.ndarray, "1 M"]:
@@ -273,21 +307,9 @@ def _repeated(lanes: Any, num: int) -> Any:
     return jax.tree.map(lambda a: jnp.broadcast_to(a, (num, *a.shape[1:])), lanes)
 
 
-def _power(form: Any, count: Int[Array, ""], largest: int) -> tuple[Array, Array]:
-    """Transition and noise of `count` steps, by doubling."""
-    A, Q = form.transition, form.driving
-    total_A, total_Q = jnp.eye(A.shape[0]), jnp.zeros_like(Q)
-    for bit in range(max(largest, 1).bit_length()):
-        take = (count >> bit) & 1
-        total_Q = jnp.where(take, A @ total_Q @ A.T + Q, total_Q)
-        total_A = jnp.where(take, A @ total_A, total_A)
-        A, Q = A @ A, A @ Q @ A.T + Q
-    return total_A, total_Q
-
-
 def _update_joint(
     J: Float[Array, "n n L"],
-    H: Float[Array, "K nav"],
+    H: Float[Array, "K h #L"],
     readout: Float[Array, "K S L"],
     white: Float[Array, "K L"],
     gain: Float[Array, "K m Q"],
@@ -295,16 +317,17 @@ def _update_joint(
     """Second moment after the filter has taken K scalars with its gains, and the variances of the innovations.
 
     An innovation given those before is h (e, xh, x) + v for the errors after those before: what `J` then is of. The
-    first m, (e, xh), are corrected; h is `H` on the first and `readout` on the last S, the states of the aiding.
+    first m, (e, xh), are corrected; h is `H` on the first of them and `readout` on the last S of all states, those of
+    the aiding sensors' noise or all true ones.
     """
     m, aiding, seen = gain.shape[1], J.shape[0] - readout.shape[1], H.shape[1]
 
     def scalar(carry, inputs):
         A, B = carry  # the first m rows of J: [A B]
         h, c, r, K = inputs
-        u = jnp.sum(A[:, :seen] * h[None, :, None], axis=1) + jnp.sum(B[:, aiding - m :] * c[None], axis=1)
-        w = jnp.sum(B[:seen] * h[:, None, None], axis=0) + jnp.sum(rest[:, aiding - m :] * c[None], axis=1)
-        s = jnp.sum(h[:, None] * u[:seen], axis=0) + jnp.sum(c * w[aiding - m :], axis=0) + r
+        u = jnp.sum(A[:, :seen] * h[None], axis=1) + jnp.sum(B[:, aiding - m :] * c[None], axis=1)
+        w = jnp.sum(B[:seen] * h[:, None], axis=0) + jnp.sum(rest[:, aiding - m :] * c[None], axis=1)
+        s = jnp.sum(h * u[:seen], axis=0) + jnp.sum(c * w[aiding - m :], axis=0) + r
         # (1 - K h) J (1 - K h)' + K r K'; a gain is 0 where there is no fix
         Ku = K[:, None] * u[None]
         A = A - (Ku + transpose(Ku) - K[:, None] * (s[None] * K)[None])
@@ -326,7 +349,7 @@ def _joint(ours: SensorBank, noise: Noise) -> SensorBank:
         initial=block_diag(nothing, truth.initial, aiding.initial),
         white=truth.white,
         rate=truth.rate,
-        states=(*ours.states, *truth.states, *(SensorState(NO_CHANNEL, "aiding") for _ in range(aiding.size))),
+        states=(*ours.states, *truth.states, *(SensorState(NO_CHANNEL, "aiding noise") for _ in range(aiding.size))),
         diagonal=ours.diagonal and truth.diagonal,
     )
 

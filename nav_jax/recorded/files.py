@@ -9,17 +9,11 @@ import numpy as np
 from gmwm_jax._internal.checks import increasing, real_array, require_x64
 from gmwm_jax._internal.tabular import Reading, open_source
 from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
-from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
+from nav_jax.aiding.registry import AIDING
 from nav_jax.imu.imu import Imu
-from nav_jax.kinematics.earth import ned_from_geodetic
-from nav_jax.trajectory.columns import ACCEL, GYRO, POSITION, VELOCITY, Reader, pick
-
-_MEASURED: Mapping[type[AbstractAiding], Sequence[str]] = {
-    GnssPosition: POSITION["ned"], GnssVelocity: VELOCITY, Barometer: ("height",),
-}  # fmt: skip
+from nav_jax.trajectory.columns import ACCEL, GYRO, Reader, pick
 
 
 def read_imu(
@@ -100,14 +94,15 @@ def read_fixes(
     """Read the fixes of an aiding sensor: time, and what the sensor measures; fixes in its outages are left out.
 
     The columns are found by their names, or, without names, in this order: time; north, east, down (m) of a GNSS
-    position; velocity north, east, down (m/s) of a GNSS velocity; height above the origin (m) of a barometer.
+    position; velocity north, east, down (m/s) of a GNSS velocity; height above the origin (m) of a barometer; speed
+    (m/s) of an odometer.
 
     Parameters
     ----------
     source, columns, time_unit, delimiter, header, variable
         See `read_imu`; the time is on the clock of the IMU.
     sensor
-        `GnssPosition`, `GnssVelocity` or `Barometer`, with the standard deviations that the filter believes.
+        One of `nav_jax.aiding`, with the standard deviations that the filter believes.
     origin
         Latitude, longitude (rad) and height (m) of the origin of n: positions are then latitude, longitude, height,
         and heights of a barometer not yet above the origin.
@@ -124,21 +119,16 @@ def read_fixes(
         As of `read_imu`; another kind of sensor; an origin for velocities; no fix outside the outages.
     """
     require_x64()
-    if type(sensor) not in _MEASURED:
-        known = ", ".join(cls.__name__ for cls in _MEASURED)
+    if type(sensor) not in AIDING.values():
+        known = ", ".join(cls.__name__ for cls in AIDING.values())
         raise ValueError(f"Fixes are read for {known}, and this is {type(sensor).__name__}: build Fixes from arrays.")
     if origin is not None:
         origin = real_array("The origin (latitude, longitude, height)", origin, (3,))
-        if isinstance(sensor, GnssVelocity):
-            raise ValueError("Velocities have no origin: leave origin out.")
-    geodetic = isinstance(sensor, GnssPosition) and origin is not None
-    names = POSITION["geodetic"] if geodetic else _MEASURED[type(sensor)]
+    names = sensor.columns(geodetic=origin is not None)
     try:
         table = open_source(source, Reading(delimiter, header, variable))
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
-        time, value = _seconds(read), read.three(names)
-        if origin is not None:
-            value = ned_from_geodetic(value, origin) if geodetic else value - origin[2]
+        time, value = _seconds(read), sensor.measured(read.three(names), origin)
         kept = sensor.available(time)
         return Fixes(sensor, time[kept], value[kept])
     except ValueError as error:

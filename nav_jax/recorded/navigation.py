@@ -14,11 +14,12 @@ from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
-from nav_jax.filter.ekf import NavState
+from nav_jax.aiding.states import joined
 from nav_jax.filter.history import Estimates, histories, smoothed_history
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.loop import run_estimate
+from nav_jax.filter.measurement import decorrelated
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL, output_times, require_names
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
@@ -26,10 +27,11 @@ from nav_jax.filter.smoother import smoothed
 from nav_jax.filter.status import Status
 from nav_jax.filter.timeline import Estimate, Inputs, Outcome, Timeline, start_covariance, timeline_of
 from nav_jax.imu.channels import CHANNELS
-from nav_jax.imu.emulation import GivenErrors
+from nav_jax.imu.emulation import AtEnd, GivenErrors
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
+from nav_jax.kinematics.state import NavState
 from nav_jax.trajectory.trajectory import Trajectory
 
 
@@ -141,8 +143,9 @@ def prepare_navigation(
     z = np.zeros((M, timeline.valid.shape[1], 1))
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
     for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
-        z[segments, a:b, 0] = f.value
-    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), jnp.zeros((M, len(CHANNELS), 1)))
+        z[segments, a:b, 0] = decorrelated(f.sensor, jnp.asarray(f.value.T)).T
+    zero = jnp.zeros((M, len(CHANNELS), 1))
+    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), AtEnd(zero, zero))
     return Prepared(
         timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, float(epochs[0]), outputs, fixes, columns
     )
@@ -160,7 +163,7 @@ def run_record(
     smooth: bool = False,
 ) -> Outcome:
     """Run the filter over a prepared record."""
-    bank = filter.bank()
+    bank = joined(filter.bank(), timeline.own)
     inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), 1))))
     P = start_covariance(initial, bank)
     outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)

@@ -31,6 +31,7 @@ _ALIASES = {
     "velocity_north": "velocity_north vel_n v_n vn vel_north v_north",
     "velocity_east": "velocity_east vel_e v_e ve vel_east v_east",
     "velocity_down": "velocity_down vel_d v_d vd vel_down v_down",
+    "speed": "speed wheel_speed odometer odometer_speed v_x",
     **{f"gyro_{axis}": f"gyro_{axis} gyr_{axis} gyroscope_{axis} omega_{axis} w_{axis}" for axis in "xyz"},
     **{f"accel_{axis}": f"accel_{axis} acc_{axis} accelerometer_{axis} f_{axis}" for axis in "xyz"},
 }
@@ -40,7 +41,7 @@ _SI = {
     "time": "s",
     **dict.fromkeys(("latitude", "longitude", *ATTITUDE), "rad"),
     **dict.fromkeys((*POSITION["ned"], "height"), "m"),
-    **dict.fromkeys(VELOCITY, "m/s"),
+    **dict.fromkeys((*VELOCITY, "speed"), "m/s"),
     **dict.fromkeys(GYRO, "rad/s"),
     **dict.fromkeys(ACCEL, "m/s^2"),
 }
@@ -91,7 +92,7 @@ class Reader:
         return real_array("The column of time", values, (None,)) * size(unit, "s")
 
     def three(self, names: Sequence[str]) -> np.ndarray:
-        """Columns side by side, (N, 3)."""
+        """Columns side by side, (N, number of names)."""
         return np.stack([self._si(name) for name in names], axis=1)
 
     def sensor(self, names: Sequence[str], unit: str | None, argument: str) -> np.ndarray:

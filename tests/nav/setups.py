@@ -5,8 +5,11 @@ import numpy as np
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.filter.layout import NAVIGATION
+from nav_jax.filter.measurement import Measurements
 from nav_jax.filter.timeline import Inputs
-from nav_jax.imu.emulation import GivenErrors, write_out
+from nav_jax.imu.emulation import AtEnd, GivenErrors, write_out
+from nav_jax.kinematics.state import BodyMotion, NavState
 
 GRAVITY = 9.8056
 RATE = 100.0
@@ -44,13 +47,14 @@ def quiet_inputs(experiment, num_states=0, num_runs=1):
     """Inputs without any error: exact start, perfect sensors, exact fixes."""
     timeline = experiment.timeline
     M, G, n, _ = timeline.imu.shape
-    z = [s.predict(timeline.truth.p[:, :, 0].T, timeline.truth.v[:, :, 0].T).T for s in experiment.sensors]
-    z = jnp.concatenate([jnp.zeros((M, 0)), *z], axis=1)
+    truth = NavState(*(a[:, :, 0].T for a in timeline.truth), jnp.zeros((timeline.own.size, M)))
+    body = BodyMotion(timeline.sensed[:, :3].T, timeline.sensed[:, 3:].T)
+    z = Measurements(experiment.sensors, timeline.own).predict(truth, body).T
     start = experiment.start
     start = type(start)(*(jnp.tile(a, (1, num_runs)) for a in start[:3]), jnp.zeros((num_states, num_runs)))
     return Inputs(
         start,
-        GivenErrors(jnp.zeros((M, G, n, 6, num_runs)), jnp.zeros((M, 6, num_runs))),
+        GivenErrors(jnp.zeros((M, G, n, 6, num_runs)), AtEnd(*jnp.zeros((2, M, 6, num_runs)))),
         jnp.tile(z[:, :, None], (1, 1, num_runs)),
     )
 
@@ -65,6 +69,11 @@ def given(experiment, inputs):
     """The inputs with their errors as arrays."""
     timeline = experiment.timeline
     return inputs._replace(errors=write_out(inputs.errors, timeline.ends[timeline.pattern]))
+
+
+def derivative(sensors):
+    """H of linear sensors, (K, 9)."""
+    return np.concatenate([s.jacobian(None, None, NAVIGATION)[:, :, 0] for s in sensors])
 
 
 def skew(a):

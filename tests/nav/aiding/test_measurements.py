@@ -1,18 +1,27 @@
 """Every aiding sensor: one row of CASES, and all tests run on it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 
 from gmwm_jax import GM, RW, WN
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
-from nav_jax.filter.ekf import NavState, inject
+from nav_jax.aiding.odometer import Odometer
+from nav_jax.aiding.registry import AIDING
+from nav_jax.aiding.states import joined, own_states
+from nav_jax.filter.ekf import correction, inject, update
+from nav_jax.filter.layout import NAVIGATION
+from nav_jax.filter.measurement import Measurements, compensated, decorrelated, derived, layout_of
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.kinematics.state import BodyMotion, NavState
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -25,49 +34,235 @@ class Case:
     noise: dict[str, float]
     sd: tuple[float, ...]
     measures: Any
-    """(position, velocity) of one run -> the components."""
+    """(position, velocity, matrix C_nb, own states, body rate) of one run -> the components."""
+    options: dict[str, Any] = field(default_factory=dict)
 
+    def build(self, *args, **options):
+        return self.cls(*args, **self.noise | self.options | options)
+
+
+ARM = np.array([1.5, -0.4, 0.9])
+GNSS_P, GNSS_V = {"horizontal": 0.025, "vertical": 0.05}, {"horizontal": 0.01, "vertical": 0.02}
+WHEEL = {"speed": 0.05, "sideways": 0.1}
+ON_ARM = {"lever_arm": tuple(ARM)}
 
 CASES = (
-    Case(GnssPosition, {"horizontal": 0.025, "vertical": 0.05}, (0.025, 0.025, 0.05), lambda p, v: p),
-    Case(GnssVelocity, {"horizontal": 0.01, "vertical": 0.02}, (0.01, 0.01, 0.02), lambda p, v: v),
-    Case(Barometer, {"height": 0.5}, (0.5,), lambda p, v: -p[2:]),
+    Case(GnssPosition, GNSS_P, (0.025, 0.025, 0.05), lambda p, v, C, x, w: p),
+    Case(GnssVelocity, GNSS_V, (0.01, 0.01, 0.02), lambda p, v, C, x, w: v),
+    Case(Barometer, {"height": 0.5}, (0.5,), lambda p, v, C, x, w: -p[2:]),
+    Case(GnssPosition, GNSS_P, (0.025, 0.025, 0.05), lambda p, v, C, x, w: p + C @ ARM, ON_ARM),
+    Case(GnssVelocity, GNSS_V, (0.01, 0.01, 0.02), lambda p, v, C, x, w: v + C @ np.cross(w, ARM), ON_ARM),
+    Case(Odometer, {"speed": 0.05}, (0.05,), lambda p, v, C, x, w: (C.T @ v)[:1]),
+    Case(
+        Odometer,
+        WHEEL,
+        (0.05, 0.1, 0.1),
+        lambda p, v, C, x, w: (C.T @ v + np.cross(w, ARM)) * [1 + x[0], 1, 1],
+        ON_ARM | {"scale_sd": 0.02},
+    ),
 )
-every_sensor = pytest.mark.parametrize("case", CASES, ids=[c.cls.__name__ for c in CASES])
+IDS = [c.cls.__name__ + " with an arm" * ("lever_arm" in c.options) for c in CASES]
+every_sensor = pytest.mark.parametrize("case", CASES, ids=IDS)
+
+
+def random_motion(sensor, seed, num):
+    """Any states, attitudes and body motions."""
+    rng = np.random.default_rng(seed)
+    p, v, force, rate = rng.normal(size=(4, 3, num))
+    q = rng.normal(size=(4, num))
+    x = 0.1 * rng.normal(size=(len(sensor.states), num))
+    state = NavState(*map(jnp.asarray, (p, v, q / np.linalg.norm(q, axis=0), x)))
+    return state, BodyMotion(jnp.asarray(force), jnp.asarray(rate))
+
+
+def test_every_sensor_of_the_registry_has_a_row():
+    assert {c.cls for c in CASES} == set(AIDING.values())
 
 
 @every_sensor
 def test_it_measures_what_it_says(case):
-    rng = np.random.default_rng(1)
-    p, v = rng.normal(size=(2, 3, 5))
-    seen = case.cls(**case.noise).predict(jnp.asarray(p), jnp.asarray(v))
+    sensor = case.build()
+    state, body = random_motion(sensor, 1, 5)
+    seen = sensor.predict(state, body)
     for run in range(5):
-        np.testing.assert_array_equal(seen[:, run], case.measures(p[:, run], v[:, run]))
+        p, v, q, x, rate = (np.asarray(a)[:, run] for a in (*state, body.rate))
+        C = Rotation.from_quat(q, scalar_first=True).as_matrix()
+        np.testing.assert_allclose(seen[:, run], case.measures(p, v, C, x, rate), rtol=1e-12, atol=1e-13)
 
 
 @every_sensor
 def test_the_jacobian_is_the_derivative_along_an_injected_error(case):
-    sensor = case.cls(**case.noise)
-    rng = np.random.default_rng(2)
-    state = NavState(*(jnp.asarray(rng.normal(size=(n, 1))) for n in (3, 3)), jnp.ones((4, 1)) / 2, jnp.zeros((0, 1)))
+    """What the sensor states of it, and what autodiff finds, against central differences of h: 1e-8 of 1."""
+    sensor = case.build()
+    layout, (state, body) = layout_of(sensor), random_motion(sensor, 2, 3)
+    expected = np.zeros((len(sensor.axes), layout.size, 3))
+    for i in range(layout.size):
+        c = jnp.zeros((layout.size, 3)).at[i].set(1e-5)
+        one, other = (
+            sensor.predict(
+                inject(state, sign * c[: layout["own"].stop]),
+                BodyMotion(body.force + sign * c[layout["force"]], body.rate + sign * c[layout["rate"]]),
+            )
+            for sign in (1.0, -1.0)
+        )
+        expected[:, i] = (one - other) / 2e-5
+    np.testing.assert_allclose(derived(sensor, state, body), expected, atol=1e-8)
+    stated = sensor.jacobian(state, body, layout)
+    if stated is not None:
+        np.testing.assert_allclose(jnp.broadcast_to(stated, expected.shape), expected, atol=1e-8)
+    if sensor.linear:
+        np.testing.assert_array_equal(sensor.jacobian(None, None, layout), stated)
 
-    def h(error):
-        moved = inject(state, error[:, None])
-        return sensor.predict(moved.p, moved.v)[:, 0]
 
-    np.testing.assert_allclose(sensor.jacobian(), jax.jacfwd(h)(jnp.zeros(9)), atol=1e-12)
+def test_linear_sensors_have_one_derivative():
+    identity = np.eye(9)
+    for sensor, H in (
+        (GnssPosition(**GNSS_P), identity[:3]), (GnssVelocity(**GNSS_V), identity[3:6]),
+        (Barometer(height=0.5), -identity[2:3]),
+    ):  # fmt: skip
+        assert sensor.linear
+        np.testing.assert_array_equal(sensor.jacobian(None, None, NAVIGATION)[:, :, 0], H)
 
 
 @every_sensor
 def test_standard_deviations_are_those_of_the_noise_unless_told_otherwise(case):
-    np.testing.assert_allclose(case.cls(**case.noise).believed, case.sd, rtol=1e-12)
+    np.testing.assert_allclose(case.build().believed, case.sd, rtol=1e-12)
     doubled = 1.0 if len(case.sd) == 1 else (1.0, 2.0)
-    assert case.cls(**case.noise, believed=doubled).believed[0] == 1.0
+    assert case.build(believed=doubled).believed[0] == 1.0
+
+
+@every_sensor
+def test_beliefs_are_one_a_component_or_one_a_group_and_nothing_else(case):
+    each = [0.1, 0.2, 0.3][: len(case.sd)]
+    np.testing.assert_array_equal(case.build(believed=each).believed, each)
+    np.testing.assert_array_equal(case.build(believed=jnp.array(each)).believed, each)
+    for wrong in ([0.1] * 4, [], [each]):
+        with pytest.raises(ValueError, match="standard deviations, and this is"):
+            case.build(believed=wrong)
+
+
+def test_two_beliefs_of_three_components_are_horizontal_and_vertical():
+    np.testing.assert_array_equal(GnssPosition(**GNSS_P, believed=(0.1, 0.2)).believed, [0.1, 0.1, 0.2])
+    np.testing.assert_array_equal(GnssVelocity(**GNSS_V, believed=(0.1, 0.2)).believed, [0.1, 0.1, 0.2])
+    np.testing.assert_array_equal(Odometer(**WHEEL, believed=(0.1, 0.2)).believed, [0.1, 0.2, 0.2])
+    with pytest.raises(ValueError, match=r"believed has 3 \(n, e, d\) or 2 \(n\+e, d\) standard deviations"):
+        GnssPosition(**GNSS_P, believed=0.1)
+
+
+@pytest.mark.parametrize("arm", [1.0, (1.0, 2.0), (1.0, 2.0, float("nan"))])
+def test_bad_lever_arms_are_refused(arm):
+    with pytest.raises(ValueError, match="lever arm"):
+        GnssPosition(**GNSS_P, lever_arm=arm)
+
+
+def test_scale_states_are_markov_processes():
+    with pytest.raises(ValueError, match="scale cannot be WN"):
+        Odometer(speed=0.1, scale_noise=WN(1e-6))
+    with pytest.raises(ValueError, match="standard deviation of scale"):
+        Odometer(speed=0.1, scale_sd=-0.1)
+    with pytest.raises(ValueError, match="sideways is the noise of right and down"):
+        Odometer(speed=0.1, sideways=(0.1, 0.1, 0.1))
+    assert Odometer(speed=0.1).states == ()
+
+
+# correlated components
+
+COVARIANCE = np.array([[0.04, 0.018, 0.0], [0.018, 0.01, 0.002], [0.0, 0.002, 0.09]])
+
+
+def test_correlated_noise_is_decorrelated():
+    sensor = GnssPosition(covariance=COVARIANCE)
+    L = np.asarray(sensor.mixing)
+    np.testing.assert_allclose(L @ np.diag(np.asarray(sensor.believed) ** 2) @ L.T, COVARIANCE, rtol=1e-12, atol=1e-18)
+    x = np.random.default_rng(4).normal(size=(3, 9, 2))
+    expected = np.einsum("ij,jkr->ikr", np.linalg.inv(L), x)
+    np.testing.assert_allclose(decorrelated(sensor, jnp.asarray(x)), expected, rtol=1e-10)
+
+
+def test_one_update_with_a_whole_covariance_is_the_joint_one():
+    """GNSS with correlated components on an arm, and a wheel with a scale: the textbook's update, 1e-7 of an sd.
+
+    Its H are central differences of h along the whole error state, the states of the IMU included.
+    """
+    sensors = (GnssPosition(covariance=COVARIANCE, **ON_ARM), Odometer(**WHEEL, **ON_ARM, scale_sd=0.02))
+    errors = ImuErrors(WN(1e-4) + GM(0.01, 1e-4), WN(1e-6) + GM(0.02, 1e-6), 100.0)
+    aiding = Measurements(sensors, own_states(sensors, 100.0))
+    bank = joined(errors.bank(), aiding.own)
+    n = 9 + len(bank.states)
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(n, n))
+    P = A @ A.T / n
+    state, _ = random_motion(sensors[1], 6, 1)
+    sensed = jnp.asarray(rng.normal(size=(6, 1)))
+    state = state._replace(x=0.1 * jnp.asarray(rng.normal(size=(n - 9, 1))))
+
+    def h(c):
+        """What is measured after an error, components as they are."""
+        moved = inject(state, jnp.asarray(c)[:, None])
+        body = compensated(sensed, moved, bank)
+        return np.concatenate([s.predict(aiding.seen_by(i, moved), body)[:, 0] for i, s in enumerate(sensors)])
+
+    H = np.stack([(h(1e-5 * e) - h(-1e-5 * e)) / 2e-5 for e in np.eye(n)], axis=1)
+    R = block_diag(COVARIANCE, np.diag(np.square([0.05, 0.1, 0.1])))
+    nu = rng.normal(size=6)
+    S = H @ P @ H.T + R
+    K = P @ H.T @ np.linalg.inv(S)
+    left = np.eye(n) - K @ H
+    expected = left @ P @ left.T + K @ R @ K.T
+
+    body = compensated(sensed, state, bank)
+    ours = aiding.derivative(state, body, bank)
+    after, done = jax.jit(update)(jnp.asarray(P)[:, :, None], ours, aiding.variance, jnp.ones(6))
+    z = h(np.zeros(n)) + nu
+    white = jnp.concatenate([decorrelated(sensors[0], jnp.asarray(z[:3, None])), z[3:, None]])
+    c, innovation = correction(done.gain, white - aiding.predict(state, body), ours)
+    sd = np.sqrt(np.diag(P))
+    np.testing.assert_allclose(np.asarray(c)[:, 0] / sd, K @ nu / sd, atol=1e-7)
+    np.testing.assert_allclose(np.asarray(after)[:, :, 0] / np.outer(sd, sd), expected / np.outer(sd, sd), atol=1e-7)
+    nis = float(jnp.sum(innovation[:, 0] ** 2 / done.variance[:, 0]))
+    np.testing.assert_allclose(nis, nu @ np.linalg.solve(S, nu), rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "give its noise as horizontal and vertical"),
+        ({"covariance": COVARIANCE, "horizontal": 1.0}, "give nothing else"),
+        ({"covariance": COVARIANCE, "believed": (1.0, 2.0)}, "give nothing else"),
+        ({"covariance": np.eye(2)}, r"is \(3, 3\), and this one \(2, 2\)"),
+        ({"covariance": np.triu(np.ones((3, 3)))}, "finite and symmetric"),
+        ({"covariance": np.ones((3, 3)) - 0.1 * np.eye(3)}, "positive definite"),
+    ],
+)
+def test_bad_covariances_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        GnssPosition(**options)
+
+
+# states of its own
+
+
+def test_own_states_move_as_their_process_says(key):
+    """A constant and a random walk, drawn at uneven fixes: variances by hand, 5 sigma of 4000 runs."""
+    sensor = Odometer(2.0, speed=0.1, scale_sd=0.03, scale_noise=RW(4e-5))
+    own = own_states((sensor,), 100.0)
+    # the walk has a density per second, and its first step is there at the start
+    each = 4e-5 * 2.0 / 100.0
+    steps = np.array([0, 50, 51, 120])
+    drawn = np.asarray(own.draw(0, jnp.asarray(steps), 200, jax.random.split(key, 4000)))[:, 0]
+    variance = 0.03**2 + each * (1 + np.cumsum(steps))
+    np.testing.assert_allclose(drawn.var(axis=1), variance, rtol=5 * np.sqrt(2 / 4000))
+    moved = np.diff(drawn, axis=0).var(axis=1)
+    np.testing.assert_allclose(moved, each * steps[1:], rtol=5 * np.sqrt(2 / 4000))
+    bank = joined(ImuErrors(WN(1e-4), WN(1e-6), 100.0).bank(), own)
+    assert [str(s) for s in bank.states] == ["odometer scale", "odometer scale RW"]
+    np.testing.assert_allclose(np.diag(bank.initial), [0.03**2, each], rtol=1e-12)
+    np.testing.assert_allclose(np.diag(bank.driving), [0.0, each], rtol=1e-12)
 
 
 @every_sensor
 def test_noise_has_its_variance_and_nothing_else(case, key):
-    sensor = case.cls(**case.noise)
+    sensor = case.build()
     num, runs = 400, 50
     drawn = np.asarray(sensor.draw(num, jax.random.split(key, runs)))
     assert drawn.shape == (num, len(sensor.axes), runs)
@@ -82,14 +277,14 @@ def test_noise_has_its_variance_and_nothing_else(case, key):
 
 @every_sensor
 def test_fixes_come_at_their_rate_from_one_period_on(case):
-    sensor = case.cls(3.0, **case.noise)
+    sensor = case.build(3.0)
     np.testing.assert_allclose(sensor.fixes(10.0, 12.0), 10 + np.arange(1, 7) / 3, rtol=1e-14)
-    np.testing.assert_allclose(case.cls(3.0, first=0.0, **case.noise).fixes(0.0, 1.0), np.arange(4) / 3)
+    np.testing.assert_allclose(case.build(3.0, first=0.0).fixes(0.0, 1.0), np.arange(4) / 3)
 
 
 @every_sensor
 def test_the_ends_of_an_outage_belong_to_it(case):
-    sensor = case.cls(**case.noise, outages=[(7, 8), (2.0, 4.0)])
+    sensor = case.build(outages=[(7, 8), (2.0, 4.0)])
     times = sensor.fixes(0.0, 10.0)
     np.testing.assert_array_equal(times[sensor.available(times)], [1, 5, 6, 9, 10])
     assert sensor.outages == ((2.0, 4.0), (7.0, 8.0))
@@ -110,24 +305,24 @@ def test_the_ends_of_an_outage_belong_to_it(case):
 )
 def test_bad_options_are_refused(case, options, message):
     with pytest.raises(ValueError, match=message):
-        case.cls(**{**case.noise, **options})
+        case.build(**options)
 
 
 @every_sensor
 @pytest.mark.parametrize("sd", [0.0, -1.0, float("nan"), float("inf")])
 def test_bad_standard_deviations_are_refused(case, sd):
     with pytest.raises(ValueError, match="positive"):
-        case.cls(**dict.fromkeys(case.noise, sd))
+        case.build(**dict.fromkeys(case.noise, sd))
 
 
 @every_sensor
 def test_a_sensor_without_fixes_is_refused(case):
     with pytest.raises(ValueError, match="no fix between 0 and 5 s"):
-        case.cls(0.1, **case.noise).fixes(0.0, 5.0)
+        case.build(0.1).fixes(0.0, 5.0)
     with pytest.raises(ValueError, match="lies outside the run"):
-        case.cls(**case.noise, outages=[(4.0, 6.0)]).fixes(0.0, 5.0)
+        case.build(outages=[(4.0, 6.0)]).fixes(0.0, 5.0)
     with pytest.raises(ValueError, match="All fixes"):
-        case.cls(**case.noise, outages=[(0.0, 5.0)]).fixes(0.0, 5.0)
+        case.build(outages=[(0.0, 5.0)]).fixes(0.0, 5.0)
 
 
 def test_correlated_noise_is_believed_with_its_whole_variance(key):

@@ -307,7 +307,10 @@ WRONG = [
     ({'right = "truth"': 'right = "true"'}, '[filters.right] is a section, or the text "truth", and is \'true\''),
     ({"rate = 50\n": ""}, "[filters.WN only]: the key 'rate' is missing"),
     ({'accel = "WN(sigma2=6e-5)"': 'recording = "x.npz"'}, "[filters.WN only]: the errors are given by"),
-    ({'"barometer"\n': '"odometer"\n'}, "[[aiding]] 3: type is one of gnss_position, gnss_velocity, barometer, and is"),
+    (
+        {'"barometer"\n': '"sextant"\n'},
+        "[[aiding]] 3: type is one of gnss_position, gnss_velocity, barometer, odometer, and",
+    ),
     ({'"2.5 cm"': '"-2.5 cm"'}, "[[aiding]] 1: gnss_position: a standard deviation must be positive"),
     ({'[["4 s", 5]]': "[[5, 4]]"}, "[[aiding]] 1: gnss_position: the outage (5, 4) ends before it starts"),
     ({'[["4 s", 5]]': "[4, 5]"}, "[[aiding]] 1, outages.0"),

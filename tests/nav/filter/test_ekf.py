@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from nav_jax.filter.ekf import NavState, correction, inject, update
+from nav_jax.filter.ekf import correction, inject, update
+from nav_jax.kinematics.state import NavState
 
 RNG = np.random.default_rng
 JIT = jax.jit(update)
@@ -36,8 +37,8 @@ def joint(P, H, r, z):
 
 
 def sequential(P, H, r, z, valid):
-    P_after, done = JIT(jnp.asarray(P)[:, :, None], jnp.asarray(H), jnp.asarray(r), jnp.asarray(valid))
-    c, innovation = correction(done.gain, jnp.asarray(z)[:, None], jnp.asarray(H))
+    P_after, done = JIT(jnp.asarray(P)[:, :, None], jnp.asarray(H)[:, :, None], jnp.asarray(r), jnp.asarray(valid))
+    c, innovation = correction(done.gain, jnp.asarray(z)[:, None], jnp.asarray(H)[:, :, None])
     return np.asarray(c)[:, 0], np.asarray(P_after)[:, :, 0], np.asarray(innovation)[:, 0], done
 
 
@@ -86,7 +87,9 @@ def test_each_run_has_its_own():
     rng = RNG(12)
     Ps = [covariance(rng, 10) for _ in range(3)]
     H, r, z = measurements(rng, 3)
-    together, _ = JIT(jnp.stack([jnp.asarray(P) for P in Ps], axis=-1), jnp.asarray(H), jnp.asarray(r), jnp.ones(3))
+    together, _ = JIT(
+        jnp.stack([jnp.asarray(P) for P in Ps], axis=-1), jnp.asarray(H)[:, :, None], jnp.asarray(r), jnp.ones(3)
+    )
     for i, P in enumerate(Ps):
         np.testing.assert_allclose(together[..., i], sequential(P, H, r, z, np.ones(3))[1], rtol=0, atol=1e-12)
 
@@ -96,7 +99,7 @@ def test_a_covariance_stays_symmetric_and_positive():
     rng = RNG(13)
     P = jnp.asarray(covariance(rng, 24, spread=1.0) * 1e6)[:, :, None]
     r = float(np.asarray(P).trace()[0] / 24 * 1e-12)
-    H = jnp.asarray(rng.normal(size=(1000, 1, 9)))
+    H = jnp.asarray(rng.normal(size=(1000, 1, 9, 1)))
 
     @jax.jit
     def many(P):

@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax.filter.ekf import NavState, mechanise, mechanise_with_motion
+from nav_jax.filter.ekf import mechanise, mechanise_with_motion
 from nav_jax.filter.error_model import blocks, full, propagate
 from nav_jax.imu.bank import alone, step_noise
 from nav_jax.kinematics.rotation import quat_conjugate, quat_from_rotvec, quat_multiply, quat_to_rotvec
+from nav_jax.kinematics.state import NavState
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 

@@ -84,7 +84,7 @@ def test_a_run_is_that_of_a_textbook_filter(key, which):
     out = nj.filter.run_filter(e, errors, inputs)
     bank = textbook.Bank(errors.bank())
     times = np.asarray(e.timeline.dt.sum(axis=1)[e.timeline.pattern].sum(axis=1)).cumsum()
-    H = np.concatenate([s.jacobian() for s in sensors])
+    H = setups.derivative(sensors)
     R = np.diag(np.concatenate([s.believed for s in sensors]) ** 2)
     events = []
     for m, t in enumerate(times):

@@ -56,7 +56,7 @@ def outcomes(experiment):
 def test_it_is_the_textbook_smoother(experiment, outcomes):
     """Estimates and covariances at every event, relative to the standard deviations 1e-6."""
     plain, smooth = outcomes
-    H = np.concatenate([s.jacobian() for s in experiment.sensors])
+    H = setups.derivative(experiment.sensors)
     R = np.concatenate([s.believed**2 for s in experiment.sensors])
     memory = jax.tree.map(lambda a: np.asarray(a)[..., 0], plain.memory)
     H = np.pad(H, ((0, 0), (0, memory.P.shape[1] - 9)))

@@ -33,8 +33,8 @@ def emulated(errors, keys, num_samples):
     source = emulate(errors, keys, num_samples, ends)
     given = write_out(source, ends)
     # what lasts at the end of a sample is that of the next
-    first = source.lasting(source.begin(), None)
-    return Whole(given.per_step[:, 0, 0], jnp.concatenate([first[None], given.per_segment[:-1]]))
+    first = source.lasting(source.begin(), jax.tree.map(lambda a: a[0], source.per_segment))
+    return Whole(given.per_step[:, 0, 0], jnp.concatenate([first[None], given.per_segment.lasting[:-1]]))
 
 
 def keys(num=RUNS, seed=1):
@@ -134,7 +134,7 @@ def test_a_sample_in_several_pieces_has_one_error():
     given = write_out(emulate(errors, keys(2), 5, ends), ends)
     pieces = np.asarray(given.per_step).reshape(12, 6, 2)
     np.testing.assert_allclose(pieces[:8], whole.total[jnp.array([0, 1, 1, 2, 2, 2, 3, 4])], rtol=1e-11)
-    np.testing.assert_allclose(given.per_segment[0], whole.lasting[3], rtol=1e-11)
+    np.testing.assert_allclose(given.per_segment.lasting[0], whole.lasting[3], rtol=1e-11)
     quantised = nj.ImuErrors(MODEL + gj.QN(0.1), WHITE, RATE)
     given = write_out(emulate(quantised, keys(2), 5, ends), ends)
     expected = emulated(quantised, keys(2), 5).total[jnp.array([0, 1, 1, 2, 2, 2, 3, 4])]

@@ -1,0 +1,130 @@
+"""The odometer: speed over ground in the direction of the wheels, with a scale factor that a filter estimates."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._internal.checks import concrete
+from gmwm_jax._internal.typing import Real
+from nav_jax.aiding.base import AbstractAiding, Setting, lever, noises, spread, timing
+from nav_jax.aiding.states import OwnState
+from nav_jax.imu.noise_models import NoiseModel
+from nav_jax.kinematics.rotation import cross, rotate_back
+
+
+class Odometer(AbstractAiding):
+    """Speed of a wheel along the front axis of b, (1 + s) times the true one; to the sides it does not slip.
+
+    The velocity of the wheel in b is C' v + rate x lever arm. What is emulated of the sideways components are those of
+    the reference, with noise: the reference is taken to be what the vehicle does.
+
+    Parameters
+    ----------
+    rate
+        Hz; any, also one that is no divisor of the IMU's.
+    speed
+        Noise of the speed: a standard deviation in m/s (white), or a model per sample at `rate`.
+    sideways
+        The same of the components right and down, which are measured as zero (non-holonomic constraints): one number
+        or model, or one each. Not measured unless given.
+    lever_arm
+        From the IMU to the wheel's point of contact, front, right, down in m; zero unless given.
+    scale_sd
+        Standard deviation of a constant scale factor s, drawn for every run and estimated.
+    scale_noise
+        A model of changes of s, such as a random walk ``"RW(gamma2=1e-10)"``, per sample at `rate`.
+    outages
+        Intervals (start, end) in s without readings, ends included.
+    first
+        s after the start of the run, of the first reading; one period unless told otherwise.
+    believed
+        Standard deviations in m/s that the filter believes: (speed, sideways) or one of each component; those of the
+        noise if not given.
+    name
+        Of the sensor, where there are several.
+
+    Raises
+    ------
+    ValueError
+        A standard deviation or rate that is not positive, an outage that is no interval.
+    """
+
+    unit: ClassVar[str] = "m/s"
+    settings: ClassVar[Mapping[str, Setting]] = {
+        "speed": Setting("m/s", or_model=True, required=True), "sideways": Setting("m/s", (1, 2), or_model=True),
+        "lever_arm": Setting("m", (3,)), "scale_sd": Setting("1"), "scale_noise": Setting("1", or_model=True),
+        "believed": Setting("m/s", (1, 2, 3)),
+    }  # fmt: skip
+
+    noise: tuple[NoiseModel, ...]
+    believed: Float[Array, " K"]
+    lever_arm: Float[Array, "3"] | None
+    scale: OwnState | None
+    rate: float = eqx.field(static=True)
+    first: float = eqx.field(static=True)
+    outages: tuple[tuple[float, float], ...] = eqx.field(static=True)
+    name: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        rate: Real = 1.0,
+        *,
+        speed: Any,
+        sideways: Any = None,
+        lever_arm: Any = None,
+        scale_sd: Any = 0.0,
+        scale_noise: Any = None,
+        outages: Sequence[Sequence[Real]] = (),
+        first: Real | None = None,
+        believed: Any = None,
+        name: str = "odometer",
+    ):
+        self.name = name
+        self.rate, self.first, self.outages = timing(name, rate, first, outages)
+        self.lever_arm = lever(name, lever_arm)
+        pair = isinstance(sideways, list | tuple | np.ndarray) and np.ndim(sideways) == 1
+        if pair and len(sideways) != 2:
+            raise ValueError(f"{name}: sideways is the noise of right and down, and this is {sideways!r}.")
+        rest = () if sideways is None else tuple(sideways) if pair else (sideways, sideways)
+        groups = (("speed",), ("right", "down")) if rest else (("speed",),)
+        sd = None if believed is None else spread(name, believed, groups)
+        self.noise, self.believed = noises(name, (speed, *rest), sd)
+        seen = concrete(scale_sd)
+        is_known = scale_noise is None and seen is not None and not seen.any()
+        self.scale = None if is_known else OwnState("scale", "1", scale_sd, scale_noise)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Speed, and right and down if they are measured."""
+        return ("speed", "right", "down")[: len(self.noise)]
+
+    @property
+    def uses_body(self) -> bool:
+        """A wheel on an arm moves with the body rate."""
+        return self.lever_arm is not None
+
+    @property
+    def states(self) -> tuple[OwnState, ...]:
+        """The scale factor, if it is not known."""
+        return () if self.scale is None else (self.scale,)
+
+    def predict(self, state, body):  # noqa: D102
+        moved = rotate_back(state.q, state.v)
+        if self.lever_arm is not None:
+            moved = moved + cross(body.rate, self.lever_arm[:, None])
+        factor = 1.0 if self.scale is None else 1.0 + state.x[:1]
+        return jnp.concatenate([factor * moved[:1], moved[1 : len(self.noise)]])
+
+    def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
+        if geodetic:
+            raise ValueError("Speeds have no origin: leave origin out.")
+        return ("speed",)
+
+    def measured(self, values, origin):  # noqa: D102
+        # sideways zero is measured whenever the speed is
+        return np.pad(values, ((0, 0), (0, len(self.noise) - 1)))

@@ -1,0 +1,182 @@
+"""States of an aiding sensor's own, such as a scale factor: what they are, and how they join those of a filter.
+
+A state is a constant with a standard deviation, a model of gmwm_jax, or their sum. In a filter and in covariances it is
+a part of the bank of sensor states, and moves with the samples of the IMU; no axis of the IMU reads it. What is
+emulated is drawn at the fixes, in the same steps all at once.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.typing import Real
+from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.channels import NO_CHANNEL, SensorState
+from nav_jax.imu.errors import resampled
+from nav_jax.imu.noise_models import NoiseModel, as_model, block_diagonal, constant_form, markov_form
+from nav_jax.kinematics.linalg import factor
+
+
+class OwnState(eqx.Module):
+    """One state of an aiding sensor.
+
+    Parameters
+    ----------
+    name
+        Such as ``scale``.
+    unit
+        SI.
+    sd
+        Standard deviation of a constant part, drawn for every run.
+    noise
+        A model of a part that changes, per sample at the rate of the sensor; none if not given.
+
+    Raises
+    ------
+    ValueError
+        A negative standard deviation, or no model.
+    """
+
+    sd: Float[Array, ""]
+    noise: NoiseModel | None
+    name: str = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    is_constant: bool = eqx.field(static=True)
+    """Has it a constant part?"""
+
+    def __init__(self, name: str, unit: str, sd: Any = 0.0, noise: Any = None):
+        positive(f"The standard deviation of {name}", sd, zero_ok=True)
+        self.name, self.unit, self.sd = name, unit, as_float(sd)
+        self.noise = None if noise is None else as_model(noise, name)
+        for process in () if self.noise is None else self.noise.processes:
+            form = process.state_space()
+            if form is None or not len(form.readout):
+                raise ValueError(f"{name} cannot be {process!r}, which is no Markov process: add it to the noise.")
+        seen = concrete(self.sd)
+        self.is_constant = seen is None or bool(seen > 0) or noise is None
+
+    def forms(self, sensor_rate: Real, rate: Real) -> list[tuple[str, Any]]:
+        """Label and state-space form at another rate of each part."""
+        parts = [("constant", constant_form(self.sd))] if self.is_constant else []
+        if self.noise is not None:
+            model = resampled(self.noise, sensor_rate, rate)
+            labelled = zip(model.labels, model.processes, strict=True)
+            parts += [(label, markov_form(NoiseModel((p,)), self.name)) for label, p in labelled]
+        return parts
+
+
+class OwnStates(eqx.Module):
+    """The states of all aiding sensors at the rate of the IMU: A of them, of S states of Markov processes."""
+
+    transition: Float[Array, "S S"]
+    driving: Float[Array, "S S"]
+    initial: Float[Array, "S S"]
+    readout: Float[Array, "A S"]
+    states: tuple[SensorState, ...] = eqx.field(static=True)
+    rows: tuple[tuple[int, int], ...] = eqx.field(static=True)
+    """Of each sensor: the first and the last but one of the A."""
+    parts: tuple[tuple[int, int], ...] = eqx.field(static=True)
+    """The same of the S."""
+    diagonal: bool = eqx.field(static=True)
+    """Does every state go its own way?"""
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return len(self.states)
+
+    def values(self, x: Float[Array, "M R"], sensor: int) -> Float[Array, "a R"]:
+        """The states of one sensor from all states of a filter, of which these are the last."""
+        (a, b), (s, t) = self.rows[sensor], self.parts[sensor]
+        at = x.shape[0] - self.size
+        return self.readout[a:b, s:t] @ x[at + s : at + t]
+
+    def draw(self, sensor: int, steps: Int[Array, " F"], largest: int, keys: Key[Array, " R"]) -> Float[Array, "F a R"]:
+        """The states of one sensor in R runs at its fixes.
+
+        Parameters
+        ----------
+        sensor
+            Which.
+        steps
+            Samples of the IMU from one fix to the next, and from the start to the first.
+        largest
+            What they do not exceed.
+        keys
+            One a run.
+        """
+        (a, b), (s, t) = self.rows[sensor], self.parts[sensor]
+        A, Q, h = self.transition[s:t, s:t], self.driving[s:t, s:t], self.readout[a:b, s:t]
+        moves = jax.vmap(lambda n: power(A, Q, n, largest))(steps)
+        e = jax.vmap(lambda k: jax.random.normal(k, (len(steps) + 1, t - s)), out_axes=-1)(keys)
+
+        def fix(x, given):
+            Phi, noise, e = given
+            x = Phi @ x + factor(noise) @ e
+            return x, h @ x
+
+        return jax.lax.scan(fix, factor(self.initial[s:t, s:t]) @ e[0], (*moves, e[1:]))[1]
+
+
+def own_states(sensors: Sequence[Any], rate: Real) -> OwnStates:
+    """The states of aiding sensors, at the rate of an IMU."""
+    forms, states, rows, parts, readout = [], [], [], [], []
+    for sensor in sensors:
+        first, begin = len(readout), len(forms)
+        for state in sensor.states:
+            found = state.forms(sensor.rate, rate)
+            readout.append((len(states), [f.readout for _, f in found]))
+            for label, form in found:
+                names = (f"{sensor.name} {state.name}{f' {label}' * (label != 'constant')}",)
+                names = names if len(form.readout) == 1 else tuple(f"{names[0]} {i}" for i in range(len(form.readout)))
+                states += [SensorState(NO_CHANNEL, n) for n in names]
+                forms.append(form)
+        rows.append((first, len(readout)))
+        sizes = np.cumsum([0, *(len(f.readout) for f in forms)])
+        parts.append((int(sizes[begin]), int(sizes[-1])))
+    h = jnp.zeros((len(readout), len(states)))
+    for row, (at, pieces) in enumerate(readout):
+        h = h.at[row, at : at + sum(map(len, pieces))].set(jnp.concatenate(pieces))
+    return OwnStates(
+        transition=block_diagonal([f.transition for f in forms]),
+        driving=block_diagonal([f.driving for f in forms]),
+        initial=block_diagonal([f.initial for f in forms]),
+        readout=h,
+        states=tuple(states),
+        rows=tuple(rows),
+        parts=tuple(parts),
+        diagonal=all(len(f.readout) == 1 for f in forms),
+    )
+
+
+def joined(bank: SensorBank, own: OwnStates) -> SensorBank:
+    """The bank of an IMU with the states of aiding sensors behind its own."""
+    if not own.size:
+        return bank
+    return SensorBank(
+        transition=block_diagonal([bank.transition, own.transition]),
+        driving=block_diagonal([bank.driving, own.driving]),
+        readout=jnp.concatenate([bank.readout, jnp.zeros(own.size)]),
+        initial=block_diagonal([bank.initial, own.initial]),
+        white=bank.white,
+        rate=bank.rate,
+        states=(*bank.states, *own.states),
+        diagonal=bank.diagonal and own.diagonal,
+    )
+
+
+def power(A: Array, Q: Array, count: Int[Array, ""], largest: int) -> tuple[Array, Array]:
+    """Transition and noise of `count` steps, of at most so many, by doubling."""
+    total_A, total_Q = jnp.eye(A.shape[0]), jnp.zeros_like(Q)
+    for bit in range(max(largest, 1).bit_length()):
+        take = (count >> bit) & 1
+        total_Q = jnp.where(take, A @ total_Q @ A.T + Q, total_Q)
+        total_A = jnp.where(take, A @ total_A, total_A)
+        A, Q = A @ A, A @ Q @ A.T + Q
+    return total_A, total_Q

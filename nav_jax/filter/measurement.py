@@ -1,0 +1,156 @@
+"""What aiding sensors measure and how that depends on the error state, scalar under scalar.
+
+Where all sensors are linear their derivative is one constant, over the errors of navigation only. Else it is taken at
+the estimate (or along the reference) at every event, over the whole error state: what a sensor states of it or what
+autodiff finds, along the errors of navigation, of the sensor's own states, and, through the compensated specific force
+and body rate, of the states of the IMU.
+
+Correlated components are decorrelated by the Cholesky factor of their covariance, so that a filter may take them one
+after the other.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.scipy.linalg import solve_triangular
+from jaxtyping import Array, Float
+
+from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.states import OwnStates
+from nav_jax.filter.ekf import inject
+from nav_jax.filter.layout import JUDGED, NAVIGATION, Block, Layout
+from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.channels import CHANNELS
+from nav_jax.kinematics.state import BodyMotion, NavState
+
+Sensors = tuple[AbstractAiding, ...]
+
+_FORCE, _RATE = (JUDGED.block(name).components for name in ("accel", "gyro"))
+
+
+class Partials(NamedTuple):
+    """Derivatives of K scalars."""
+
+    navigation: Float[Array, "K nav #R"]
+    own: Float[Array, "K A #R"]
+    """By the states of all aiding sensors."""
+    body: Float[Array, "K ch #R"]
+    """By the specific force and the body rate."""
+
+
+class Measurements(eqx.Module):
+    """All aiding sensors of a run: K scalars."""
+
+    sensors: Sensors
+    own: OwnStates
+
+    @property
+    def linear(self) -> bool:
+        """Is the derivative one constant?"""
+        return all(s.linear for s in self.sensors)
+
+    @property
+    def uses_body(self) -> bool:
+        """Does a sensor depend on the motion of the body?"""
+        return any(s.uses_body for s in self.sensors)
+
+    @property
+    def variance(self) -> Float[Array, " K"]:
+        """What the filter believes of each scalar."""
+        return jnp.concatenate([jnp.zeros(0), *(s.believed**2 for s in self.sensors)])
+
+    def constant(self) -> Float[Array, "K nav 1"] | None:
+        """The derivative over the errors of navigation where it is one constant, else None."""
+        if not self.linear:
+            return None
+        none = jnp.zeros((0, NAVIGATION.size, 1))
+        return jnp.concatenate([none, *(decorrelated(s, _stated(s, NAVIGATION)) for s in self.sensors)])
+
+    def predict(self, state: NavState, body: BodyMotion | None) -> Float[Array, "K R"]:
+        """What is measured without noise; `state` with all sensor states of the filter."""
+        none = jnp.zeros((0, state.p.shape[1]))
+        seen = [decorrelated(s, s.predict(self.seen_by(i, state), body)) for i, s in enumerate(self.sensors)]
+        return jnp.concatenate([none, *seen])
+
+    def seen_by(self, sensor: int, state: NavState) -> NavState:
+        """The state as a sensor sees it, with its own states only."""
+        return state._replace(x=self.own.values(state.x, sensor))
+
+    def partials(self, state: NavState, body: BodyMotion | None) -> Partials:
+        """Derivatives at a state."""
+        num_runs, num_own = state.p.shape[1], self.own.readout.shape[0]
+        parts = [jnp.zeros((0, NAVIGATION.size + num_own + len(CHANNELS), num_runs))]
+        for i, sensor in enumerate(self.sensors):
+            a, b = self.own.rows[i]
+            layout = layout_of(sensor)
+            H = sensor.jacobian(self.seen_by(i, state), body, layout)
+            H = derived(sensor, self.seen_by(i, state), body) if H is None else H
+            H = jnp.broadcast_to(decorrelated(sensor, H), (*H.shape[:2], num_runs))
+            whole = jnp.zeros((H.shape[0], num_own, num_runs)).at[:, a:b].set(H[:, layout["own"]])
+            parts.append(jnp.concatenate([H[:, : NAVIGATION.size], whole, H[:, layout["force"].start :]], axis=1))
+        found = jnp.concatenate(parts)
+        n = NAVIGATION.size
+        return Partials(found[:, :n], found[:, n : n + num_own], found[:, n + num_own :])
+
+    def over_state(
+        self, partials: Partials, bank: SensorBank, reading: Float[Array, "ch _"] | None
+    ) -> Float[Array, "K n R"]:
+        """Derivatives along the error state of a filter with these states, the aiding sensors' own ones last.
+
+        `reading` is that of the IMU, where the effect of states depends on it.
+        """
+        channels = jnp.array(bank.channels[: len(bank.states) - self.own.size], dtype=int)
+        # what the filter takes for an error of the IMU it takes off the motion of the body
+        imu = -partials.body[:, channels] * bank.readout_at(reading)[None, : len(channels)]
+        own = jnp.einsum("kar,as->ksr", partials.own, self.own.readout)
+        return jnp.concatenate([partials.navigation, imu, own], axis=1)
+
+    def derivative(self, state: NavState, body: BodyMotion | None, bank: SensorBank) -> Float[Array, "K n R"]:
+        """Derivatives at a state, along the error state."""
+        reading = None if body is None else jnp.concatenate(body)
+        return self.over_state(self.partials(state, body), bank, reading)
+
+
+def layout_of(sensor: AbstractAiding) -> Layout:
+    """The error vector of which a sensor states derivatives."""
+    own = Block("own", tuple(s.name for s in sensor.states), "SI")
+    return NAVIGATION.followed_by(own, Block("force", _FORCE, "m/s^2", "b"), Block("rate", _RATE, "rad/s", "b"))
+
+
+def derived(sensor: AbstractAiding, state: NavState, body: BodyMotion | None) -> Float[Array, "K n R"]:
+    """The derivative by autodiff, over `layout_of` a sensor; `state` as it sees it."""
+    layout = layout_of(sensor)
+    zero = jnp.zeros((layout.size, state.p.shape[1]))
+    n = layout["own"].stop
+
+    def h(c: Array) -> Array:
+        moved = body and BodyMotion(body.force + c[layout["force"]], body.rate + c[layout["rate"]])
+        return sensor.predict(inject(state, c[:n]), moved)
+
+    def along(direction: Array) -> Array:
+        return jax.jvp(h, (zero,), (jnp.broadcast_to(direction[:, None], zero.shape),))[1]
+
+    return jax.vmap(along, out_axes=1)(jnp.eye(layout.size))
+
+
+def decorrelated(sensor: AbstractAiding, x: Float[Array, "K *R"]) -> Float[Array, "K *R"]:
+    """Components of a sensor, or derivatives of them, as the scalars that a filter takes."""
+    if sensor.mixing is None:
+        return x
+    return solve_triangular(sensor.mixing, x.reshape(x.shape[0], -1), lower=True).reshape(x.shape)
+
+
+def compensated(sensed: Float[Array, "ch #R"], state: NavState, bank: SensorBank) -> BodyMotion:
+    """The motion of the body from what the IMU says and what a filter knows of its errors."""
+    motion = bank.compensated(sensed, state.x)
+    return BodyMotion(motion[:3], motion[3:])
+
+
+def _stated(sensor: AbstractAiding, layout: Layout) -> Float[Array, "K n 1"]:
+    """The derivative of a linear sensor."""
+    H = sensor.jacobian(None, None, layout)  # type: ignore[arg-type]
+    if H is None or H.shape[2:] != (1,):
+        raise ValueError(f"{sensor.name} says that it is linear: its derivative must be one constant, (K, n, 1).")
+    return H

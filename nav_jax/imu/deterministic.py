@@ -1,0 +1,90 @@
+"""Errors of an IMU that are no noise: constants of a unit whose effect depends on what it senses.
+
+A calibration leaves them unknown by so much. They are drawn for every run, and a filter estimates them: each is a state
+that does not move, of which an axis of the IMU reads a multiple, by the reading of this axis or of another.
+
+    sensed_i = (1 + s_i) u_i + sum_j m_ij u_j        scale factors s, misalignments m, for accelerometers and gyros
+
+One more kind is a class here and a row of `DETERMINISTIC`.
+"""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gmwm_jax._internal.checks import as_float, concrete, positive
+from nav_jax.imu.channels import CHANNELS, SensorState
+
+
+class Constant(NamedTuple):
+    """One of the constants."""
+
+    state: SensorState
+    sd: Float[Array, ""]
+
+
+class AbstractDeterministic(eqx.Module):
+    """Constants with one standard deviation for each axis.
+
+    Parameters
+    ----------
+    accel_sd, gyro_sd
+        Standard deviations, one number or three (x, y, z): relative for a scale factor, rad for a misalignment. Zero
+        where there is none.
+
+    Raises
+    ------
+    ValueError
+        A negative standard deviation, or another number of them.
+    """
+
+    sd: Float[Array, " ch"]
+    present: tuple[bool, ...] = eqx.field(static=True)
+    """Of each channel: may it be other than zero?"""
+
+    def __init__(self, accel_sd: Any = 0.0, gyro_sd: Any = 0.0):
+        parts = []
+        for name, value in (("accel_sd", accel_sd), ("gyro_sd", gyro_sd)):
+            positive(f"{type(self).__name__}: {name}", value, zero_ok=True)
+            if np.shape(value) not in ((), (3,)):
+                raise ValueError(f"{type(self).__name__}: {name} is one number or three, and is {value!r}.")
+            parts.append(jnp.broadcast_to(as_float(value), (3,)))
+        self.sd = jnp.concatenate(parts)
+        seen = concrete(self.sd)
+        self.present = (True,) * len(CHANNELS) if seen is None else tuple(bool(s) for s in seen > 0)
+
+    def __repr__(self) -> str:
+        sd = concrete(self.sd)
+        sizes = "" if sd is None else f": sd accel {sd[:3]}, gyro {sd[3:]}"
+        return f"{type(self).__name__}{sizes}"
+
+    @abstractmethod
+    def constants(self, channel: int) -> Iterator[Constant]:
+        """Those that a channel reads."""
+
+
+class ScaleFactor(AbstractDeterministic):
+    """A channel reads s times what it senses more; the parameters are those of `AbstractDeterministic`."""
+
+    def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
+        yield Constant(SensorState(channel, "scale", reads=channel), self.sd[channel])
+
+
+class Misalignment(AbstractDeterministic):
+    """A channel reads m_j times what the others of its sensor sense; parameters as of `AbstractDeterministic`."""
+
+    def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
+        first = channel - channel % 3
+        for other in range(first, first + 3):
+            if other != channel:
+                name = f"misalignment {CHANNELS[other].split()[1]}"
+                yield Constant(SensorState(channel, name, reads=other), self.sd[channel])
+
+
+DETERMINISTIC: dict[str, type[AbstractDeterministic]] = {"scale_factor": ScaleFactor, "misalignment": Misalignment}
+"""By the names that configuration files know them by: one row a kind."""
