@@ -155,7 +155,7 @@ class GnssVelocity(AbstractNed):
         return self.lever_arm is not None
 
     def predict(self, state, body):  # noqa: D102
-        if self.lever_arm is None:
+        if self.lever_arm is None or body is None:
             return state.v
         return state.v + matvec(dcm_from_quat(state.q), cross(body.rate, self.lever_arm[:, None]))
 

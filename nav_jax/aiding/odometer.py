@@ -115,7 +115,7 @@ class Odometer(AbstractAiding):
 
     def predict(self, state, body):  # noqa: D102
         moved = rotate_back(state.q, state.v)
-        if self.lever_arm is not None:
+        if self.lever_arm is not None and body is not None:
             moved = moved + cross(body.rate, self.lever_arm[:, None])
         factor = 1.0 if self.scale is None else 1.0 + state.x[:1]
         return jnp.concatenate([factor * moved[:1], moved[1 : len(self.noise)]])

@@ -166,8 +166,8 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
             x = timeline.own.draw(i, steps, experiment.num_samples, of_states)
         runs = x.shape[2]
         truth_at_fixes = [jnp.repeat(a[segment], runs, axis=2) for a in (*timeline.truth, timeline.sensed[:, :, None])]
-        *state, motion = truth_at_fixes
-        exact = jax.vmap(sensor.predict)(NavState(*state, x), BodyMotion(motion[:, :3], motion[:, 3:]))
+        p, v, q, motion = truth_at_fixes
+        exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), BodyMotion(motion[:, :3], motion[:, 3:]))
         measured = jax.vmap(lambda h, sensor=sensor: decorrelated(sensor, h))(exact) + noise
         z.append(jnp.zeros((M, len(sensor.axes), num_runs)).at[segment].set(measured))
     return Inputs(begin, errors, jnp.concatenate(z, axis=1))

@@ -18,6 +18,7 @@ from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
 from nav_jax.filter.timeline import Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
 from nav_jax.imu.bank import SensorBank, alone, step_noises
+from nav_jax.kinematics.state import NavState
 
 
 def run_estimate(

@@ -113,7 +113,8 @@ class AidingNoise(eqx.Module):
         """Joint covariance, these states last, after as many fixes of each scalar's sensor."""
         if not self.size:
             return J
-        many = [power(f, elapsed[i], num) for i, (f, num) in enumerate(zip(self.forms, self.num_fixes, strict=True))]
+        of_scalars = enumerate(zip(self.forms, self.num_fixes, strict=True))
+        many = [power(f.transition, f.driving, elapsed[i], num) for i, (f, num) in of_scalars]
         rest = J.shape[0] - self.size
         A = block_diag(jnp.eye(rest), *(a for a, _ in many))
         return A @ J @ A.T + block_diag(jnp.zeros((rest, rest)), *(q for _, q in many))
@@ -242,7 +243,7 @@ def covariances_of_many(
         valid, elapsed, sensed, partials = given
         sensed = sensed[:, None]
         H, of_rest = constant, readout
-        if partials is not None:
+        if H is None:
             H, h = (_over_states(sensors, partials, banks, sensed) for banks in (ours, noises.imu))
             # what the true states add to a measurement, they take off the innovation
             of_rest = jnp.concatenate([-h[:, NAVIGATION.size :], readout], axis=1)
