@@ -9,11 +9,12 @@ SIGMAS = 4.5
 """Half width of every statistical band: one correct value in 150 000 lies outside."""
 
 
-def assert_mean(draws: Any, expected: Any, *, sigmas: float = SIGMAS, atol: float = 0.0) -> None:
+def assert_mean(draws: Any, expected: Any, *, sigmas: float = SIGMAS, atol: float = 0.0) -> float:
     """The mean over axis 0 of independent draws equals the expectation within `sigmas` of its standard error.
 
     The standard error is the empirical one, so that nothing about the distribution is assumed. `atol` is for
-    quantities without any scatter (a mean of a drift), where only rounding is left.
+    quantities without any scatter (a mean of a drift), where only rounding is left. How far off the worst is, in
+    standard errors, is returned.
     """
     draws = np.asarray(draws)
     error = np.std(draws, axis=0, ddof=1) / np.sqrt(draws.shape[0])
@@ -21,11 +22,12 @@ def assert_mean(draws: Any, expected: Any, *, sigmas: float = SIGMAS, atol: floa
     with np.errstate(divide="ignore", invalid="ignore"):
         worst = np.max(np.where(off <= atol, 0.0, off / error))
     assert worst <= sigmas, f"the mean of {draws.shape[0]} draws is {worst:.2f} standard errors off ({sigmas} allowed)"
+    return float(worst)
 
 
-def assert_covariance(a: Any, b: Any, expected: Any, *, mean_a: Any = 0.0, mean_b: Any = 0.0) -> None:
+def assert_covariance(a: Any, b: Any, expected: Any, *, mean_a: Any = 0.0, mean_b: Any = 0.0) -> float:
     """The mean of (a - mean_a)(b - mean_b) over axis 0 equals the expected covariance within the band."""
-    assert_mean((np.asarray(a) - mean_a) * (np.asarray(b) - mean_b), expected)
+    return assert_mean((np.asarray(a) - mean_a) * (np.asarray(b) - mean_b), expected)
 
 
 class CountTraces:

@@ -6,7 +6,7 @@ import numpy as np
 import gmwm_jax as gj
 
 
-def test_slope_regression_intervals_cover():
+def test_slope_regression_intervals_cover(judge):
     """400 records of 2^14 samples of white noise: the 95 % interval of N covers, band of 4 binomial sigmas."""
     num = 400
     x = np.asarray(
@@ -17,4 +17,5 @@ def test_slope_regression_intervals_cover():
     for i in range(num):
         estimate = gj.fitting.slope_regression(adev[i], {"WN": (1.0, 64.0)}).table["WN", "N"]
         covered.append(estimate.ci_low <= 1.0 <= estimate.ci_high)
-    assert abs(np.mean(covered) - 0.95) < 4 * np.sqrt(0.95 * 0.05 / num)
+    band = 4 * np.sqrt(0.95 * 0.05 / num)
+    judge("coverage of 95 % intervals", np.mean(covered), 0.95 - band, 0.95 + band, num_draws=num)

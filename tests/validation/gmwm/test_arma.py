@@ -30,7 +30,7 @@ def own_theory():
     return gj.fit(gj.variance.WaveletVariance.from_table(some.scales, nu, low, high, num_samples=NUM), "AR(2)")
 
 
-def test_intervals_have_their_coverage(own_theory):
+def test_intervals_have_their_coverage(own_theory, judge):
     """200 simulated records: estimates without bias, scattered as the sandwich says; 95 % within 1.96 deviations."""
     boot = gj.bootstrap(own_theory, 200, key=jax.random.key(7), route="records")
     assert boot.num_failed == 0
@@ -38,7 +38,9 @@ def test_intervals_have_their_coverage(own_theory):
     errors = delta_method(lambda m: m.parameter_lines(), model, active, jnp.asarray(own_theory.covariance))
     lines = [gj.Composite((type(model.processes[0])(*v),)).parameter_lines() for v in boot.good]
     z = (np.array(lines) - np.asarray(model.parameter_lines())) / np.asarray(errors)
-    assert np.all(np.abs(z.mean(axis=0)) < 0.2 + 4 / np.sqrt(200))  # default weights lower a variance by 4/eta
+    band = 0.2 + 4 / np.sqrt(200)  # default weights lower a variance by 4/eta
+    judge("bias in standard deviations", z.mean(axis=0), -band, band, num_draws=200)
     assert_mean(z**2 - z.mean(axis=0) ** 2, np.ones(3), sigmas=4.0)
     inside = np.mean(np.abs(z) < 1.96, axis=0)
-    assert np.all(np.abs(inside - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 200))
+    band = 4 * np.sqrt(0.95 * 0.05 / 200)
+    judge("coverage of 95 % intervals", inside, 0.95 - band, 0.95 + band, num_draws=200)

@@ -34,7 +34,7 @@ WALK, WANDERING = "WN(sigma2=1.0) + RW(gamma2=0.005)", "WN(sigma2=1.0) + GM(beta
 @pytest.mark.parametrize("share", [0.01, 0.1])
 @pytest.mark.parametrize("pattern", [scattered, blocks])
 @pytest.mark.parametrize("text", [WALK, WANDERING])
-def test_coverage(text, pattern, share):
+def test_coverage(text, pattern, share, judge):
     """600 records: intervals of the wavelet variance cover 95 % or more, those of the parameters 95 %.
 
     Four standard errors of a coverage are 3.6 %; those of a standard deviation 12 %.
@@ -49,7 +49,8 @@ def test_coverage(text, pattern, share):
     np.testing.assert_allclose(wv.variance, nu[0], rtol=1e-12)
     # what the interval of one record is wider by is nearly that of all
     low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
-    assert np.all(np.mean((nu * low < truth) & (truth < nu * high), axis=0) > 0.95 - 0.036)
+    covered = np.mean((nu * low < truth) & (truth < nu * high), axis=0)
+    judge("coverage of 95 % intervals of the variance", covered, 0.95 - 0.036, 1, num_draws=count)
 
     fit = gj.fit(wv, " + ".join(p.kind for p in model.processes), weights="two-step")
     refits = refit(fit, nu)
@@ -58,25 +59,27 @@ def test_coverage(text, pattern, share):
     error = np.sqrt(np.diag(at_truth.covariance))
     z = (np.log(refits.values) - np.asarray(model.unconstrained())) / error
     covered = np.mean(np.abs(z) < 1.96, axis=0)
-    assert np.all(np.abs(covered - 0.95) < 0.036), covered
+    judge("coverage of 95 % intervals of parameters", covered, 0.95 - 0.036, 0.95 + 0.036, num_draws=count)
 
 
-def test_replicates_by_records_leave_out_what_is_missing():
+def test_replicates_by_records_leave_out_what_is_missing(judge):
     """Mean and scatter of 600 wavelet variances are those of theory within 4.5 standard errors."""
     present = scattered(500, 0.4)
     x = np.random.default_rng(3).standard_normal(500)
     fit = gj.fit(gj.wavelet_variance(with_gaps(x, present), gaps="pairs", num_levels=4), "WN")
     nu = record_draws(fit.model, fit.wv)(jax.random.split(jax.random.key(1), 600))
-    assert_mean(nu, fit.fitted)
+    judge("bias of replicates, in standard errors", assert_mean(nu, fit.fitted), 0, 4.5, num_draws=600)
     spread = np.std(nu, axis=0) / np.sqrt(np.diag(fit.wv_covariance))
-    np.testing.assert_allclose(spread, 1.0, atol=4.5 / np.sqrt(1200) + 0.03)  # and the error of the theory
+    band = 4.5 / np.sqrt(1200) + 0.03  # and the error of the theory
+    judge("scatter of replicates over theory", spread, 1 - band, 1 + band, num_draws=600)
 
 
-def test_a_bootstrap_with_gaps():
+def test_a_bootstrap_with_gaps(judge):
     """The scatter of 128 replicates is that of theory within 4.5 standard errors."""
     x, present = np.random.default_rng(3).standard_normal(500), scattered(500, 0.4)
     fit = gj.fit(gj.wavelet_variance(with_gaps(x, present), gaps="pairs", num_levels=4), "WN")
     boot = gj.bootstrap(fit, 128, key=jax.random.key(1), route="records")
     assert boot.num_failed == 0
     spread = np.std(np.log(boot.good[:, 0])) / np.sqrt(fit.covariance[0, 0])
-    assert spread == pytest.approx(1.0, abs=4.5 / np.sqrt(256))
+    band = 4.5 / np.sqrt(256)
+    judge("scatter of estimates over theory", spread, 1 - band, 1 + band, num_draws=128)

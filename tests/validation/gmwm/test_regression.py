@@ -23,7 +23,7 @@ def seasonal_case(num=300, missing=0.15, seed=0):
 
 @pytest.mark.parametrize("model", ["WN(sigma2=1.0) + GM(beta=0.05, variance=1.0)", "WN(sigma2=1.0) + RW(gamma2=0.01)"])
 @pytest.mark.parametrize("missing", [0.0, 0.15])
-def test_bias_and_coverage(model, missing, key):
+def test_bias_and_coverage(model, missing, key, judge):
     """Intervals of 95 % cover; those of ordinary least squares that takes the noise as white do not.
 
     Of each record the share of its seven coefficients that are covered counts as one draw, so that their correlation
@@ -47,7 +47,11 @@ def test_bias_and_coverage(model, missing, key):
         white = np.sqrt(residual @ residual / (len(b) - 7) * np.diag(np.linalg.inv(A.T @ A)))
         covered_naive.append(np.mean(np.abs(r.ols.estimates - truth) < 1.96 * white))
         noise.append([float(p.amplitude) for p in r.noise.model.processes])
-    assert_mean(z, np.zeros(7))
-    assert_mean(covered, 0.95)
-    assert np.mean(covered_naive) + SIGMAS * np.std(covered_naive) / np.sqrt(replicates) < 0.8
-    assert_mean(noise, [float(p.amplitude) for p in gj.parse_model(model).processes])
+    bias = assert_mean(z, np.zeros(7))
+    judge("bias of coefficients, in standard errors", bias, 0, SIGMAS, num_draws=replicates)
+    off = assert_mean(covered, 0.95)
+    judge("coverage off 95 %, in standard errors", off, 0, SIGMAS, num_draws=replicates)
+    naive = np.mean(covered_naive) + SIGMAS * np.std(covered_naive) / np.sqrt(replicates)
+    judge("coverage of naive intervals and its band", naive, 0, 0.8, num_draws=replicates)
+    bias = assert_mean(noise, [float(p.amplitude) for p in gj.parse_model(model).processes])
+    judge("bias of the noise, in standard errors", bias, 0, SIGMAS, num_draws=replicates)

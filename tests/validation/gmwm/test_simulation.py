@@ -28,7 +28,7 @@ wavelet_variances = jax.jit(jax.vmap(haar_wavelet_variance))
 
 
 @pytest.mark.parametrize("case", rows())
-def test_means_and_covariances_of_samples(case, key):
+def test_means_and_covariances_of_samples(case, key, judge):
     """E(x_t) and Cov(x_s, x_t) over 4000 records for s, t at the start, next to it, and 65 and 199 samples on."""
     at = np.array([0, 1, 64, 199])
     sets = case.parameters[:: max(1, len(case.parameters) // 7)]
@@ -39,19 +39,22 @@ def test_means_and_covariances_of_samples(case, key):
         if not np.any(covariance):
             np.testing.assert_allclose(x, np.broadcast_to(mean, x.shape), rtol=1e-14)
             continue
-        assert_mean(x, mean)
+        off = assert_mean(x, mean)
+        judge("means of samples, in standard errors", off, 0, 4.5, num_draws=4000)
         s, t = np.tril_indices(len(at))
-        assert_covariance(x[:, s], x[:, t], covariance[s, t], mean_a=mean[s], mean_b=mean[t])
+        off = assert_covariance(x[:, s], x[:, t], covariance[s, t], mean_a=mean[s], mean_b=mean[t])
+        judge("covariances of samples, in standard errors", off, 0, 4.5, num_draws=4000)
 
 
 @pytest.mark.parametrize("case", rows())
-def test_wavelet_variances_of_records(case, key):
+def test_wavelet_variances_of_records(case, key, judge):
     """The mean over 500 records of 1024 samples is the theoretical wavelet variance, at 9 scales."""
     draw = jax.jit(jax.vmap(lambda values, k: case.cls(*values).simulate(1024, k), in_axes=(None, 0)))
     for values in case.parameters[:: max(1, len(case.parameters) // 7)]:
         seen = wavelet_variances(draw(tuple(map(jnp.asarray, values)), jax.random.split(key, 500)))
         expected = case.cls(*values).wavelet_variance(2.0 ** np.arange(1, 10))
-        assert_mean(seen, expected, atol=1e-9 * np.asarray(expected))
+        off = assert_mean(seen, expected, atol=1e-9 * np.asarray(expected))
+        judge("wavelet variances, in standard errors", off, 0, 4.5, num_draws=500)
 
 
 def test_wavelet_variance_of_a_sum(key):

@@ -29,7 +29,7 @@ def designed():
     return nj.design(scenario, TRUTH, max_accel=0, max_gyro=1, num_starts=1)
 
 
-def test_a_design_is_confirmed_on_fresh_noise(designed):
+def test_a_design_is_confirmed_on_fresh_noise(designed, judge):
     """Runs of the best filter, its naive counterpart and the right one have the errors that were computed."""
     (runs,) = designed.confirm(num_runs=64, key=jax.random.key(5), gains="reference")
     best = designed.best()
@@ -38,4 +38,5 @@ def test_a_design_is_confirmed_on_fresh_noise(designed):
     for name, (c,) in expected.items():
         k = c.epoch()
         squares = np.sum(runs[name].errors("position")[:, k] ** 2, axis=1)
-        assert abs(squares.mean() - c.rms("position")[k] ** 2) < 4.5 * squares.std() / np.sqrt(64)
+        z = (squares.mean() - c.rms("position")[k] ** 2) / (squares.std() / np.sqrt(64))
+        judge(f"mean square of {name}, in standard errors", z, -4.5, 4.5, num_draws=64)
