@@ -298,7 +298,7 @@ CHANGES = [
     ("tune", {"[initial]\nattitude_sd": "[run]\nattitude_sd", "[run]\nevery = 5": ""}, [], "[initial] is missing"),
     ("tune", {'imu = "imu.csv"': 'imu = "none.csv"'}, [], "There is no file"),
     ("tune", {"units =": "# units ="}, [], 'The unit of gyro_x is not stated: give units={"gyro": ...}.'),
-    ("tune", {'"deg/s"': '"deg/min"'}, [], 'units={"gyro": ...} is one of rad_s, deg_s, deg_h, and is \'deg/min\'.'),
+    ("tune", {'"deg/s"': '"deg/fortnight"'}, [], "and is 'deg/fortnight'."),
     ("tune", {'"90 deg"]': "0, 1]"}, [], "[record], attitude"),
     ("tune", {'file = "baro.csv"\n': ""}, [], "[[aiding]] 2: the key 'file' is missing."),
     ("tune", {'file = "baro.csv"': 'file = "baro.csv"\nrate = 1'}, [], "rate and first follow from the times"),
