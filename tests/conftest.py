@@ -60,12 +60,6 @@ def quick_compilation(compilation):
     jax.config.update("jax_disable_most_optimizations", True)
 
 
-@pytest.fixture(scope="module")
-def full_optimisation(compilation):
-    """For files of the rooms that run their programs on much data."""
-    jax.config.update("jax_disable_most_optimizations", False)
-
-
 MAX_BYTES, MAX_MAPS = 3e9, 30_000
 """Of one process: of memory, and of memory maps, of which Linux allows 65,530 and a compiled program takes several."""
 

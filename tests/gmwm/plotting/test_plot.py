@@ -221,7 +221,7 @@ def test_fits_have_a_panel_a_channel_and_one_legend(fits):
     for fit, top, bottom in zip(fits.values(), figure.axes[::2], figure.axes[1::2], strict=True):
         assert_line(top, "wavelet variance", fit.wv.times, fit.wv.variance)
         assert top.get_title().startswith(f"{fit.wv.channels[0]}: objective {fit.objective:.4g}")
-        assert ("zero" in top.get_title()) == (gj.fitting.Outcome.ZERO in fit.at_boundary.values())
+        assert ("zero" in top.get_title()) == (gmwm_jax.fitting.Outcome.ZERO in fit.at_boundary.values())
         assert top.get_legend() is None
         assert bottom.get_xlabel() == "scale τ [s]"
     (shared,) = figure.legends

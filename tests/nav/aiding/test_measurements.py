@@ -23,8 +23,6 @@ from nav_jax.filter.measurement import Measurements, compensated, decorrelated, 
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.kinematics.state import BodyMotion, NavState
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 
 @dataclass(frozen=True)
 class Case:

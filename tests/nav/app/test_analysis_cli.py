@@ -22,8 +22,6 @@ from nav_jax.app.report_analysis import filter_section
 from nav_jax.app.sections import ModelErrors
 from nav_jax.trajectory import motions
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 TEXT = """
 [trajectory]
 motion = "circle"

@@ -23,8 +23,6 @@ from nav_jax.simulation.comparison import Comparison
 from nav_jax.trajectory import motions
 from nav_jax.trajectory.trajectory import Trajectory
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 TEXT = """
 [trajectory]
 motion = "circle"

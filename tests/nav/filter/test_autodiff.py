@@ -3,13 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
-
-pytestmark = pytest.mark.usefixtures("quick_compilation")
 
 
 def quick(function):

@@ -17,8 +17,6 @@ from nav_jax.imu.bank import alone, step_noise
 from nav_jax.kinematics.rotation import quat_conjugate, quat_from_rotvec, quat_multiply, quat_to_rotvec
 from nav_jax.kinematics.state import NavState
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 DT = 0.01
 G_N = jnp.array([[0.0], [0.0], [setups.GRAVITY]])
 ERRORS = nj.ImuErrors(

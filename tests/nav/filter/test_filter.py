@@ -13,8 +13,6 @@ from nav_jax.filter.status import Status
 from nav_jax.imu.emulation import GivenErrors
 from nav_jax.kinematics.rotation import dcm_from_quat
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 EARTH = nj.FlatEarth(setups.GRAVITY)
 
 

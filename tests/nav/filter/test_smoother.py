@@ -8,8 +8,6 @@ from nav import setups
 import gmwm_jax as gj
 import nav_jax as nj
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 REFERENCE = nj.motions.lemniscate(16.0, setups.RATE)
 OUTAGE = (6.0, 12.0)
 ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.002, 2e-5), gj.WN(1.5e-6) + gj.GM(0.005, 2e-7), setups.RATE)

@@ -11,8 +11,6 @@ from nav_jax.imu.deterministic import DETERMINISTIC, Misalignment, ScaleFactor
 from nav_jax.imu.emulation import emulate, write_out
 from nav_jax.imu.errors import ImuErrors
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 CASES = {
     # kind -> whether the entry (channel read, channel sensed) of the matrix of errors may be other than zero
     ScaleFactor: lambda i, j: i == j,

@@ -13,8 +13,6 @@ import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax.imu.emulation import emulate, write_out
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 RATE = 100.0
 RUNS = 4000
 WHITE = gj.WN(1e-4)

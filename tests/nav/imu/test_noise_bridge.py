@@ -8,8 +8,6 @@ import gmwm_jax as gj
 import nav_jax as nj
 from gmwm_jax.processes import to_continuous
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 WHITE = gj.WN(1e-4)
 
 

@@ -8,8 +8,6 @@ import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax.imu.bank import alone, by_channel, step_noise
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 RATE = 100.0
 MODELS = {
     "Markov": gj.WN(1e-4) + gj.AR1(0.9, 2e-5) + gj.AR1(0.99, 1e-6),

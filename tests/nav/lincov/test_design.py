@@ -13,8 +13,6 @@ import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 REFERENCE = nj.motions.lemniscate(20.0, setups.RATE)
 AIDING = setups.aiding(12.0, 20.0)
 START = nj.InitialUncertainty(0.05, 0.02, 0.002)

@@ -16,8 +16,6 @@ import nav_jax as nj
 from nav_jax.lincov.covariance import covariances_along, noise_of
 from nav_jax.statistics.distributions import weighted_chi2_cdf
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 OUTAGE = (12.0, 20.0)
 START = nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5]))
 TRUTH = nj.ImuErrors(

@@ -12,8 +12,6 @@ import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax.filter.status import Status
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 REFERENCE = nj.motions.lemniscate(6.0, setups.RATE)
 ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
 START = nj.InitialUncertainty(0.1, 0.05, 0.005)

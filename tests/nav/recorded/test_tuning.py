@@ -22,8 +22,6 @@ from nav_jax.recorded._search import Found, Objective, search
 from nav_jax.recorded.likelihood import Model, Record, loss_and_slopes
 from nav_jax.recorded.navigation import prepare_navigation
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 RATE = 50.0
 SECONDS = 200.0
 START = nj.InitialUncertainty(0.05, 0.02, np.deg2rad(0.3))

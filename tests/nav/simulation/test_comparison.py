@@ -16,8 +16,6 @@ from nav_jax.simulation.ranking import Standing, _judge, _round, _with_se, commo
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
 
-pytestmark = pytest.mark.usefixtures("quick_compilation")
-
 N = 60
 
 
