@@ -12,6 +12,10 @@ entries only through `Fit.continuous`, `Fit.datasheet` and `gmwm_jax.units`, wit
 The package never changes JAX's configuration: turn 64-bit floats on first,
 ``jax.config.update("jax_enable_x64", True)``.
 
+Power spectral densities are two-sided: white noise of variance sigma2 per sample has q = sigma2/f. A one-sided
+amplitude density is larger by sqrt(2). Scales are spans of the Haar filter; the wavelet variance is half the Allan
+variance, nu^2(tau) = sigma_A^2(tau/2)/2, the same estimator with the same interval.
+
 Examples in docstrings suppose ``import gmwm_jax as gj``, ``import nav_jax as nj``, ``import numpy as np``,
 ``import jax`` and ``import jax.numpy as jnp``.
 

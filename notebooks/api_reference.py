@@ -14,15 +14,14 @@ import pdoc
 
 PACKAGES = ("gmwm_jax", "nav_jax")
 
-NAMESPACES = {"datasets", "motions"}
+NAMESPACES = {"datasets", "motions", "weights"}
 """Files whose functions are reached through the file, as in ``gj.datasets.load``; they have pages of their own."""
 
 
 def chapters(package):
-    """Return the modules of a package that have public names: its rooms, and its units."""
+    """Return the rooms of a package, its units among them, as modules."""
     below = pkgutil.iter_modules(importlib.import_module(package).__path__, f"{package}.")
-    modules = [importlib.import_module(info.name) for info in below if not info.name.split(".")[-1].startswith("_")]
-    return [module for module in modules if public_names(module)]
+    return [importlib.import_module(info.name) for info in below if not info.name.split(".")[-1].startswith("_")]
 
 
 def public_names(module):
@@ -69,4 +68,5 @@ def build(folder):
 
 
 if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the packages beside this folder, installed or not
     build(sys.argv[1])

@@ -1,1 +1,58 @@
-"""The command line ``gmwm-jax`` and its demonstration."""
+"""The command line ``gmwm-jax`` and its demonstration.
+
+```console
+$ gmwm-jax data simulate mti-g --samples 100000 --out imu.npz
+$ gmwm-jax fit imu.npz --channels gyro_x,accel_x --model "WN + RW + GM" --plot fit.png --json fit.json
+...
+Datasheet units (at 100 Hz)
+component  quantity   estimate  95 % low       high           unit
+---------  --------  ---------  --------  ---------  -------------
+WN         N            44.602     23.93     83.133    ug/sqrt(Hz)
+RW         K            13.669    9.2769      20.14  m/s/h/sqrt(h)
+...
+GMWM fits, parameters per sample
+channel  unit   objective     status   WN.sigma2   RW.gamma2  GM.beta  GM.variance
+-------  -----  ---------  ---------  ----------  ----------  -------  -----------
+gyro_x   rad/s  0.5291314  converged  1.3012e-05  2.3127e-11   1.7347   3.8279e-05
+accel_x  m/s^2  0.3303232  converged  1.9132e-05  4.0046e-11   1.8347   6.3682e-05
+```
+
+A public recording, recognised by its content, needs neither rate nor unit; nor does a file of `save_recording`. Others
+do:
+
+```sh
+gmwm-jax fit adis_16405_imu1.rda --channels all --model "WN + 2*GM + RW"
+gmwm-jax wv static.csv --time time --unit "gyro=deg/s,accel=g" --allan --plot allan.png
+gmwm-jax wv logger.npy --rate 200 --unit deg/s --json -
+```
+
+A file whose columns have no names is read by `--columns 1,2,3`; `--time-unit`, `--delimiter` and `--level` are there
+too.
+
+Which model, and how sure? `select` ranks all sub-models; `fit` takes replicates, other weights, and a wavelet variance
+that gives outliers no weight:
+
+```sh
+gmwm-jax select imu.npz --channels accel_x --model "WN + QN + RW + 2*GM" --plot selection.png
+gmwm-jax fit imu.npz --channels accel_x --model "WN + RW + GM" --weights covariance --bootstrap 500 --robust
+```
+
+Units, without any data:
+
+```console
+$ gmwm-jax units 0.15 "deg/sqrt(h)" "rad/s/sqrt(Hz)"
+0.15 deg/sqrt(h) = 4.36332313e-05 rad/s/sqrt(Hz)
+$ gmwm-jax units --model "GM(beta=0.001, variance=1e-7)" --rate 100
+GM(beta=0.001, variance=1e-07)  (per sample at 100 Hz)
+
+Continuous time, SI (at 100 Hz)
+component  quantity  estimate         unit
+---------  --------  --------  -----------
+GM         beta           0.1          1/s
+GM         q            2e-08  (rad/s)^2/s
+...
+$ gmwm-jax units --datasheet "N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)" --rate 400
+WN(sigma2=7.61544e-07) + RW(gamma2=6.52901e-17)  (per sample at 400 Hz)
+...
+```
+"""

@@ -1,7 +1,24 @@
 """The estimator: from a wavelet variance and a model to a `Fit`, by the Generalized Method of Wavelet Moments.
 
 The search, the weights, the standard errors and the tables of parameters; slopes of the Allan deviation beside it.
-"""
+
+How to read a fit
+-----------------
+* objective: Σ (ν̂² - ν²)²/(width of the 95 % interval)², the weights of R's simts, so that values compare. It can only fall
+  as a model grows: `gmwm_jax.inference.select` weighs what a component gains against what it costs.
+* weights: the default ones come from the data and bias a component whose scales have few degrees of freedom by 1 to 2 %, a
+  fraction of its standard error; ``weights="two-step"`` takes them from a first fit and does not. ``weights="covariance"``
+  takes the whole covariance of the wavelet variance: for long records, the smallest standard errors.
+* status: ``converged``, or what went wrong. `fit` raises unless ``throw=False``.
+* at boundary: a component that the data do not want is exactly zero and stays in the table. A Gauss-Markov process whose
+  correlation time leaves the range that the record can show is a random walk, or white noise: reported is then what that
+  limit has (q, or the variance and N_0), with its interval, and nothing of what it has not.
+* not told apart from others: the data fix a sum of components and not its parts; these have a value but no interval.
+* agreement: the share of descents, from many starting points, that came to the same minimum. A low one says that the data
+  hardly tell the components apart.
+* intervals: 95 %, by the delta method from the exact covariance of the wavelet variance under the fitted model, symmetric on
+  the log (phi: logit) scale. They assume that the model is right and the noise Gaussian.
+"""  # noqa: E501
 
 from gmwm_jax._internal.channels import Channels as Channels
 from gmwm_jax.fitting import weights as weights

@@ -118,6 +118,15 @@ def fit(
 
     Deterministic: nothing depends on chance unless a key is given. The method is in `gmwm_jax.fitting.search`. The same
     model on the same number of scales and channels compiles once.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> fit.status.name, fit.model.labels
+    ('converged', ('WN', 'RW'))
+    >>> gj.fit(wv, "WN + RW", weights="two-step").objective > 0
+    True
     """
     require_x64()
     if key is not None:
@@ -284,7 +293,7 @@ def as_fit(
 def objective(
     wv: WaveletVariance | Recording, model: str | AbstractProcess | Composite, *, weights: WeightsLike = None
 ) -> float | Float[Array, ""]:
-    """Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model whose parameters are all given, for one channel.
+    """Compute Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model with all parameters given, for one channel.
 
     Pure in the parameters of the model: jit, grad and vmap it.
 
@@ -303,6 +312,13 @@ def objective(
         A parameter without a value, several channels, bad weights.
     TypeError
         No wavelet variance.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> abs(float(gj.fitting.objective(wv, fit.model)) - fit.objective) < 1e-6
+    True
     """
     one = as_wavelet_variance(wv, "objective")
     if not isinstance(one, WaveletVariance):

@@ -83,21 +83,21 @@ class Fit(Drawable):
 
     @cached_property
     def fitted(self) -> Float[np.ndarray, " J"]:
-        """nu(theta_hat) at the scales of the data."""
+        """Wavelet variance of the fitted model, nu(theta_hat), at the scales of the data."""
         return np.asarray(self.model.wavelet_variance(self.wv.scales))
 
     @property
     def residuals(self) -> Float[np.ndarray, " J"]:
-        """nu_hat - nu(theta_hat)."""
+        """Residuals of the wavelet variance, nu_hat - nu(theta_hat)."""
         return self.wv.variance - self.fitted
 
     @cached_property
     def whitened_residuals(self) -> Float[np.ndarray, " J"]:
-        """L' (nu_hat - nu) with Omega = L L'; the objective is the sum of their squares."""
+        """The residuals L' (nu_hat - nu) with Omega = L L'; the objective is the sum of their squares."""
         return np.linalg.cholesky(self.omega).T @ self.residuals
 
     def decomposition(self) -> dict[str, Float[np.ndarray, " J"]]:
-        """The wavelet variance of each component, by label; they add up to `fitted`."""
+        """Return the wavelet variance of each component by its label; together they add up to `fitted`."""
         tau = self.wv.scales
         return {
             label: np.asarray(p.wavelet_variance(tau))
@@ -106,7 +106,7 @@ class Fit(Drawable):
 
     @cached_property
     def reduced(self) -> Composite:
-        """The model that the data show, for filters and simulations: what is zero left out, what is at a limit as it.
+        """The model that the data show, for filters and simulations: no zeros, limits as what they are.
 
         A Gauss-Markov process whose correlation time has left the range is its random walk or white noise here, added
         to those of the model.
@@ -169,7 +169,7 @@ class Fit(Drawable):
         return np.asarray(A), np.asarray(B)
 
     def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
-        """Smallest variance that weights can give, over that with `omega`, of each active parameter; to first order.
+        """Return, for each active parameter, the smallest variance that weights can give over that with `omega`.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Fit(Drawable):
     # -- tables ---------------------------------------------------------------------------------------------------
 
     def parameters(self) -> EstimateTable:
-        """The parameters per sample, with intervals symmetric on the log (for phi: logit) scale."""
+        """Return the parameters per sample, with intervals symmetric on the log (for phi: logit) scale."""
         errors = np.full(self.model.num_parameters, np.nan)
         if self.covariance is not None:
             errors[list(self.active)] = np.sqrt(np.diag(self.covariance))
@@ -202,7 +202,7 @@ class Fit(Drawable):
         return parameter_table(self.model, self.unit, errors=errors, **self._at_level())
 
     def continuous(self, rate: float | None = None) -> EstimateTable:
-        """What a Kalman filter wants: continuous-time quantities in SI.
+        """Return the continuous-time quantities in SI that a Kalman filter takes.
 
         WN: q [u^2/Hz]; QN: Q [u s]; RW: q [u^2/s]; DR: R [u/s]; GM and AR1: beta [1/s], q of the driving noise [u^2/s]
         and the correlation time 1/beta [s].
@@ -215,7 +215,7 @@ class Fit(Drawable):
         return self._continuous(rate, datasheet=False)
 
     def datasheet(self, rate: float | None = None) -> EstimateTable:
-        """The same in the units of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
+        """Return the quantities of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
         return self._continuous(rate, datasheet=True)
 
     @property
@@ -236,7 +236,7 @@ class Fit(Drawable):
         return {"z": normal_quantile(self.level), "level": self.level, "boundary": self.at_boundary}
 
     def summary(self) -> str:
-        """All of it as text."""
+        """Return all of it as text."""
         wv = self.wv
         missing = f" ({wv.missing})" if wv.missing else ""
         samples = f", {wv.num_samples} samples{missing}" if wv.num_samples else ""
@@ -278,7 +278,7 @@ class Fit(Drawable):
         return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain numbers and texts, for JSON; what is not identified is None."""
+        """Return everything as plain numbers and texts, for JSON; what is not identified is None."""
         result = {
             "channel": self.wv.channels[0],
             "unit": self.unit,

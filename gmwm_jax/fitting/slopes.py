@@ -21,7 +21,7 @@ from gmwm_jax.variance.wavelet import WaveletVariance
 
 
 def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
-    """N, B and K of one channel as IEEE 952 reads them off the curve.
+    """Read N, B and K of one channel off its Allan deviation, as IEEE 952 does.
 
     N is read where the local slope comes closest to -1/2, as the value of that line at 1 s; K where it comes closest
     to +1/2, at 3 s; B is the minimum divided by 0.664.
@@ -38,6 +38,12 @@ def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
     EstimateTable
         N [u/sqrt(Hz)], B [u], K [u/sqrt(s)] in SI. Intervals are those of the deviation at the point that was read;
         they know nothing of other processes in it. A coefficient that cannot be read is NaN, and the note says why.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> gj.fitting.read_off(gj.allan_deviation(rec))["Allan", "N"].unit
+    'm/s^2/sqrt(Hz)'
     """
     _require_single(adev)
     T, d = adev.times, adev.deviation
@@ -67,7 +73,7 @@ def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
 
 @dataclass(frozen=True, repr=False)
 class SlopeRegression:
-    """Result of `slope_regression`: a coefficient for each process and the model they make."""
+    """The result of `slope_regression`: a coefficient for each process, and the model that they make."""
 
     table: EstimateTable
     model: Composite
@@ -83,7 +89,7 @@ class SlopeRegression:
 
 
 def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, float]]) -> SlopeRegression:
-    """Allan variance linear regression (AVLR): mean of log deviation along a given slope over a given range.
+    """Estimate coefficients by the mean of the log deviation along given slopes over given ranges (AVLR).
 
     Parameters
     ----------
@@ -107,6 +113,13 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     Notes
     -----
     El-Sheimy, Hou & Niu (2008). Not consistent as soon as two processes overlap (Guerrier et al. 2016).
+
+    Examples
+    --------
+    >>> adev = gj.allan_deviation(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> slopes = gj.fitting.slope_regression(adev, {"WN": (0.02, 1.0)})  # the range in seconds
+    >>> slopes.table["WN", "N"].unit
+    'm/s^2/sqrt(Hz)'
     """
     _require_single(adev)
     f, unit = _rate(adev), adev.wv.units[0]

@@ -25,7 +25,7 @@ _WIDEST = 30.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """One number with its interval; NaN where there is none."""
+    """One number with its interval, which is NaN where there is none."""
 
     component: str
     symbol: str
@@ -45,7 +45,7 @@ class Estimate:
 
 @dataclass(frozen=True, repr=False)
 class EstimateTable:
-    """Estimates that print themselves; ``table["GM_1", "q"]`` is one of them."""
+    """A table of estimates that prints itself; ``table["GM_1", "q"]`` is one of them."""
 
     title: str
     estimates: tuple[Estimate, ...]
@@ -136,7 +136,7 @@ def continuous_table(
     errors: Callable[["LogQuantities"], np.ndarray] | None = None,
     boundary: Mapping[str, Outcome] | None = None,
 ) -> EstimateTable:
-    """Continuous-time quantities of a model, in SI or in the units of datasheets.
+    """Tabulate the continuous-time quantities of a model, in SI or in the units of datasheets.
 
     Parameters
     ----------
@@ -161,6 +161,12 @@ def continuous_table(
     ------
     ValueError
         A parameter without a value, a unit that is not SI, a rate that is not positive.
+
+    Examples
+    --------
+    >>> table = gj.fitting.continuous_table("WN(sigma2=1e-4)", 100.0, "rad/s")
+    >>> f'{table["WN", "q"].value:.3g} {table["WN", "q"].unit}'
+    '1e-06 (rad/s)^2/Hz'
     """
     model = as_model(model)
     for p in model.processes:

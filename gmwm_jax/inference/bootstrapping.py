@@ -29,7 +29,7 @@ CHUNK = 64
 
 @dataclass(frozen=True, repr=False)
 class Bootstrap(Drawable):
-    """B replicates of a fit.
+    """The result of `bootstrap`: B replicates of a fit.
 
     Attributes
     ----------
@@ -59,12 +59,12 @@ class Bootstrap(Drawable):
 
     @property
     def num_failed(self) -> int:
-        """Replicates whose search did not converge."""
+        """Number of replicates whose search did not converge."""
         return int((~self.converged).sum())
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the P parameters, as ``GM_1 beta``."""
+        """Names of the P parameters, such as ``GM_1 beta``."""
         model = self.fit.model
         return tuple(
             f"{label} {q.name}" for label, p in zip(model.labels, model.processes, strict=True) for q in p.parameters
@@ -77,12 +77,12 @@ class Bootstrap(Drawable):
 
     @property
     def covariance(self) -> Float[np.ndarray, "P P"]:
-        """Of the estimates per sample, over the replicates that converged."""
+        """Covariance of the estimates per sample, over the replicates that converged."""
         return np.atleast_2d(np.cov(self.good, rowvar=False))
 
     @property
     def correlation(self) -> Float[np.ndarray, "P P"]:
-        """Of the estimates; NaN for what does not vary."""
+        """Correlation of the estimates; NaN for what does not vary."""
         sd = np.sqrt(np.diag(self.covariance))
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.covariance / np.outer(sd, sd)
@@ -195,6 +195,14 @@ def bootstrap(
         Another route; no theory; a model without any variance; records for a robust wavelet variance.
     TypeError
         The key is an integer or of the old kind.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> boot = gj.bootstrap(fit, 20, key=jax.random.key(0))
+    >>> boot.names
+    ('WN sigma2', 'RW gamma2')
     """
     require_x64()
     typed_key(key)

@@ -22,7 +22,7 @@ _RANK = 1e-9
 
 @dataclass(frozen=True, repr=False)
 class GoodnessOfFit:
-    """The test, and where the model fails.
+    """The result of `goodness_of_fit`: the test, and where the model fails.
 
     Attributes
     ----------
@@ -68,6 +68,13 @@ def goodness_of_fit(fit: Fit) -> GoodnessOfFit:
     ------
     ValueError
         There is no theory of this wavelet variance.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> 0 <= gj.goodness_of_fit(fit).p_value <= 1
+    True
     """
     V = fit.wv_covariance
     if V is None:

@@ -93,7 +93,7 @@ class Candidate:
 
     @property
     def sound(self) -> bool:
-        """Is it a model of its own, and is its minimum found?"""
+        """Whether it is a model of its own, and its minimum was found."""
         return not self.contained_in and self.fit.status is Status.converged
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Candidate:
 
 @dataclass(frozen=True, repr=False)
 class Selection(Mapping[str, Candidate], Drawable):
-    """Candidates for one channel, the best first; those contained in smaller ones, and failed fits, come last.
+    """The candidates for one channel, the best first; those contained in smaller ones, and failed fits, come last.
 
     Attributes
     ----------
@@ -146,12 +146,12 @@ class Selection(Mapping[str, Candidate], Drawable):
 
     @property
     def best(self) -> Candidate:
-        """The lowest criterion."""
+        """The candidate with the lowest criterion."""
         return self.candidates[0]
 
     @cached_property
     def equivalent(self) -> tuple[Candidate, ...]:
-        """The best, and the others than which none is significantly better, from the fewest parameters on."""
+        """The best candidate and all that are not significantly worse, from the fewest parameters on."""
         near = [c for c in self.candidates if c.sound and not c.worse_than]
         return tuple(sorted(near, key=lambda c: (c.num_parameters, c.criterion)))
 
@@ -317,6 +317,13 @@ def select(
     -----
     A component that is not there makes no model wrong, it makes it larger than needed: among models that differ by
     such components the criterion varies by chance, and the lowest is not the truth. The recommendation is.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> selection = gj.select(wv, "WN + QN + RW")
+    >>> selection.recommended in selection.equivalent
+    True
     """
     level = confidence(level)
     num_replicates = integer("num_replicates", num_replicates, 0)

@@ -1,4 +1,17 @@
-"""Several records of one sensor type: a joint fit, how much the records differ, which model serves records left out."""
+"""Several records of one sensor type: a joint fit, how much the records differ, which model serves records left out.
+
+```python
+units = [
+    gj.wavelet_variance(gj.datasets.simulated("mti-g", 50_000, channels=["accel_x"], key=jax.random.key(i)))
+    for i in range(4)
+]
+joint = gj.fit_records(units, "WN + RW", weights="two-step")  # with the tables and figures of a Fit
+print(gj.multisignal.compare_records(joint))  # scatter of each parameter over records, against what estimation explains
+print(gj.multisignal.near_stationarity(joint, 200, key=jax.random.key(0)))  # p-value of "all have the same parameters"
+```
+
+`resample_records` gives intervals by resampling records, `cross_validate` compares models by records left out.
+"""
 
 from gmwm_jax.multisignal.comparison import ParameterSpread as ParameterSpread
 from gmwm_jax.multisignal.comparison import RecordComparison as RecordComparison

@@ -63,7 +63,7 @@ class ParameterSpread:
 
 @dataclass(frozen=True, repr=False)
 class RecordComparison(Drawable):
-    """Estimates from single records, and how they differ.
+    """The result of `compare_records`: estimates from single records, and how they differ.
 
     Attributes
     ----------
@@ -156,6 +156,15 @@ def compare_records(joint: JointFit) -> RecordComparison:
     Components of a kind are told apart by their correlation time alone: where these come near each other, rows of the
     table may mix them. Theory is that of estimates near the joint one: of records so short that their parameters
     scatter by a factor of two or more, prefer `near_stationarity`.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> print(gj.multisignal.compare_records(joint))
+    3 records of accel_x, each fitted alone: same parameters? ...
     """
     joint = one_channel(joint, "compare_records")
     for name, r in zip(joint.names, joint.records, strict=True):

@@ -64,7 +64,7 @@ class ModelScore:
 
 @dataclass(frozen=True, repr=False)
 class CrossValidation(Mapping[str, ModelScore], Drawable):
-    """A comparison of models by records left out; ``cv["WN + GM"]`` is the row of a model, the best first.
+    """The result of `cross_validate`, the best model first; ``cv["WN + GM"]`` is the row of a model.
 
     Attributes
     ----------
@@ -169,6 +169,16 @@ def cross_validate(
         with fewer scales than a model has free parameters; no key where splits are chosen; what `fit_records` raises.
     TypeError, RuntimeError
         As `fit_records`.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> models = gj.multisignal.cross_validate(units, ["WN", "WN + RW"])
+    >>> sorted(models)
+    ['WN', 'WN + RW']
     """
     level = confidence(level)
     records = as_records(data, "cross_validate")

@@ -102,7 +102,7 @@ class JointFit(Drawable):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the records; their numbers from 1 where they have none."""
+        """Names of the records; their numbers from 1 where they have none."""
         return record_names([r.wv for r in self.records])
 
     @cached_property
@@ -313,6 +313,15 @@ def fit_records(
         x64 is off, or (with `throw`) a search that did not converge.
     TypeError
         A single record, or data, model or key of another kind.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> joint.model.labels
+    ('WN', 'RW')
     """
     require_x64()
     if key is not None:

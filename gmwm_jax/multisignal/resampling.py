@@ -47,7 +47,7 @@ _KNOWN = 0.95
 
 @dataclass(frozen=True, repr=False)
 class RecordResamples:
-    """Joint estimates of B sets of records.
+    """The result of `resample_records`: joint estimates of B sets of records.
 
     Attributes
     ----------
@@ -220,6 +220,16 @@ def resample_records(joint: JointFit, limit: int = 500, *, key: PRNGKey | None =
         No key where sets have to be drawn.
     TypeError
         Several channels, or no joint fit; a key of another kind.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> resamples = gj.multisignal.resample_records(joint, 20, key=jax.random.key(0))
+    >>> resamples.num_failed
+    0
     """
     require_x64()
     joint = one_channel(joint, "resample_records")

@@ -28,7 +28,7 @@ from gmwm_jax.variance.replicates import record_draws, theory_draws
 
 @dataclass(frozen=True, repr=False)
 class NearStationarity(Drawable):
-    """The test, and what it is made of.
+    """The result of `near_stationarity`: the test, and what it is made of.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def near_stationarity(
     route: str = VARIANCES,
     progress: bool = False,
 ) -> NearStationarity:
-    """Test whether all records have the same parameters, by sets of records that do.
+    """Test whether all records have the same parameters, by replicates of records that do.
 
     Parameters
     ----------
@@ -112,6 +112,16 @@ def near_stationarity(
         for robust wavelet variances.
     TypeError
         Several channels, or no joint fit; the key is an integer or of the old kind.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> test = gj.multisignal.near_stationarity(joint, 20, key=jax.random.key(0))
+    >>> 0 < test.p_value <= 1
+    True
     """
     require_x64()
     typed_key(key)

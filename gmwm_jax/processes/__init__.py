@@ -2,7 +2,51 @@
 
 Each knows its theory (wavelet variance, spectrum, autocovariance, covariance of Haar coefficients), its text, how to
 draw it, its state space and its continuous-time form. Parameters are per sample.
-"""
+
+Models are sums of processes, as text or as objects. Values start a search, ``fixed`` ones are held, and a model whose
+values are all given has theory and can be simulated:
+
+```python
+model = gj.parse_model("WN + GM(beta=0.01 fixed)")
+model = gj.WN() + gj.GM(beta=gj.Fixed(0.01))  # the same model
+model = gj.WN(sigma2=1.0) + gj.GM(beta=0.01, variance=2.0)
+x = gj.simulate(model, 1000, key=jax.random.key(0))
+nu = model.wavelet_variance([2.0, 4.0, 8.0])  # differentiable, like psd() and autocovariance()
+promised, signal = gj.from_datasheet({"N": "0.05 deg/s/sqrt(Hz)"}, rate=100.0)
+```
+
+The processes
+-------------
+u is the unit of the signal (rad/s or m/s²), f the sampling rate. Parameters are per sample; the other forms are computed
+from them at a rate that is stated.
+
+| | process | per sample | Kalman filter, SI | datasheet (gyro; accelerometer) |
+|---|---|---|---|---|
+| `WN` | white noise | `sigma2` [u²] | q = sigma2/f [u²/Hz] | N = √q: deg/√h; µg/√Hz |
+| `QN` | quantisation | `q2` [u²] | Q = √q2/f [u s] | Q, LSB = √12 Q: arcsec; m/s |
+| `RW` | random walk | `gamma2` [u²] | q = gamma2 f [u²/s] | K = √q: deg/h/√h; m/s/h/√h |
+| `DR` | drift | `omega` [u] | R = omega f [u/s] | R: deg/h/h; µg/h |
+| `GM` | Gauss-Markov | `beta` [1], `variance` [u²] | beta f [1/s], q = 2 beta f variance [u²/s] | sigma: deg/h; µg, tau_c = 1/(beta f), √q, N_0 = √(psd(0)/f) |
+| `AR1` | the same | `phi`, `sigma2` [u²] | as GM, with beta = -ln phi | as GM |
+| `AR(p)`, `MA(q)`, `ARMA(p,q)` | autoregressive moving average, as R and statsmodels write it | `phi1` .., `theta1` .. [1], `sigma2` [u²] | PSD at 0 [u²/Hz]; the rest belongs to its rate | sigma, N_0 |
+| `MAT32` | second-order Gauss-Markov (Matérn 3/2) | `beta` [1], `variance` [u²] | beta f [1/s], q of the driving noise | sigma: deg/h; µg |
+| `MAT52` | third-order Gauss-Markov (Matérn 5/2) | `beta` [1], `variance` [u²] | beta f [1/s], q of the driving noise | sigma: deg/h; µg |
+| `BI` | bias instability: flicker noise without cutoff | `B` [u] | B [u] | B, floor = 0.664 B: deg/h; µg |
+| `FLK` | bias instability as IEEE 952 has it, flicker noise up to the corner f0 | `f0` [1], `B` [u] | f0 f [Hz], B [u] | B: deg/h; µg |
+| `FGN` | fractional Gaussian noise | `H` [1], `sigma2` [u²] | H, PSD at 1 Hz | H, density at 1 Hz |
+| `SIN` | sinusoid of unknown phase | `beta` [1], `alpha2` [u²] | omega [rad/s], alpha2 [u²] | frequency: Hz; amplitude: deg/h, µg |
+
+A model holds at most one each of WN, QN, RW, DR, BI, FLK and FGN, and any number of the others (GM or AR1, not both):
+``"WN + RW + 3*GM"``, ``"WN + ARMA(2,1)"``, ``gj.WN() + gj.AR(2)()``. ``MA(q)``, and ``ARMA(p,q)`` with q ≥ p, contain white
+noise and take no ``WN`` beside them.
+
+N_0 of a Gauss-Markov process is its density as white noise over times much longer than its correlation time: what the
+-1/2 slope of an Allan plot shows. With a correlation time near one sample it is larger than √q/(beta f).
+
+A new process is one file here, with a class that derives from `AbstractProcess` (white_noise.py is the shortest example),
+one row in ``registry.py``, and one row in the table of the tests, by which all tests of theory, simulation, covariance and
+units run on it.
+"""  # noqa: E501
 
 from gmwm_jax.processes.arma import AR as AR
 from gmwm_jax.processes.arma import ARMA as ARMA

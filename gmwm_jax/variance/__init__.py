@@ -1,7 +1,17 @@
 """Wavelet and Allan variance of recordings, and how they scatter under a model.
 
 The classic estimator, the robust one, the one for records with gaps; their covariances and replicates.
-"""
+
+`wavelet_variance` takes a recording, an array (N,) or (N, C) in SI, a memory map, or an iterator of blocks. An iterator is
+one channel; for several, give a memory map, or make one call each. Scales are spans of the Haar filter, tau_j = 2^j
+samples, j = 1 .. floor(log2 N) - 1. A robust wavelet variance gives outliers no weight, and `fit` takes it as it is:
+
+```python
+rec = gj.datasets.simulated("mti-g", 100_000, channels=["gyro_x", "accel_x"])
+robust = gj.wavelet_variance(rec, efficiency=0.6)  # Tukey's biweight (Mondal & Percival 2012)
+print(gj.variance.compare_robust(rec["accel_x"]))  # which scales differ, and where the outliers are
+```
+"""  # noqa: E501
 
 from gmwm_jax.variance.allan import AllanDeviation as AllanDeviation
 from gmwm_jax.variance.allan import allan_deviation as allan_deviation

@@ -1,4 +1,9 @@
-"""Aiding sensors, one a file: what they measure, how well, when, and what they measured."""
+"""Aiding sensors, one a file: what they measure, how well, when, and what they measured.
+
+A new sensor is one file here, with a class that derives from `AbstractAiding` (barometer.py is the shortest example), one
+row in the registry, and one row in the table of the tests. Monte Carlo, analysis, design, tuning and smoother take it from
+there.
+"""  # noqa: E501
 
 from nav_jax.aiding.barometer import Barometer as Barometer
 from nav_jax.aiding.base import AbstractAiding as AbstractAiding

@@ -14,7 +14,7 @@ from nav_jax.imu.noise_models import NoiseModel
 
 
 class Barometer(AbstractAiding):
-    """Height above the origin, -p_D.
+    """A barometer, which measures the height above the origin, -p_D.
 
     Parameters
     ----------
@@ -35,6 +35,11 @@ class Barometer(AbstractAiding):
     ------
     ValueError
         A standard deviation or rate that is not positive, an outage that is no interval.
+
+    Examples
+    --------
+    >>> nj.Barometer(rate=1.0, height=0.5).axes
+    ('height',)
     """
 
     unit: ClassVar[str] = "m"

@@ -11,7 +11,7 @@ from nav_jax.aiding.base import AbstractAiding
 
 @dataclass(frozen=True, eq=False)
 class Fixes:
-    """Measurements of an aiding sensor, as recorded.
+    """The recorded measurements of an aiding sensor.
 
     Attributes
     ----------
@@ -26,6 +26,12 @@ class Fixes:
     ------
     ValueError
         No fix, NaN, times that do not increase, another number of columns than the sensor has axes.
+
+    Examples
+    --------
+    >>> fixes = nj.Fixes(nj.Barometer(height=0.5), np.array([1.0, 2.0]), np.array([[100.0], [100.5]]))
+    >>> fixes.value.shape
+    (2, 1)
     """
 
     sensor: AbstractAiding

@@ -112,7 +112,14 @@ def _settings(unit: str) -> Mapping[str, Setting]:
 
 
 class GnssPosition(AbstractNed):
-    """Position fixes in m, north, east, down; the parameters are those of `AbstractNed`."""
+    """A GNSS receiver's fixes of position in m: north, east, down. The parameters are those of `AbstractNed`.
+
+    Examples
+    --------
+    >>> gnss = nj.GnssPosition(rate=1.0, horizontal=0.1, vertical=0.2, outages=[(5.0, 8.0)])
+    >>> gnss.available(np.arange(4.0, 10.0)).tolist()
+    [True, False, False, False, False, True]
+    """
 
     unit: ClassVar[str] = "m"
     settings: ClassVar[Mapping[str, Setting]] = _settings("m")
@@ -143,7 +150,13 @@ class GnssPosition(AbstractNed):
 
 
 class GnssVelocity(AbstractNed):
-    """Velocity fixes in m/s, north, east, down; the parameters are those of `AbstractNed`."""
+    """A GNSS receiver's fixes of velocity in m/s: north, east, down. The parameters are those of `AbstractNed`.
+
+    Examples
+    --------
+    >>> nj.GnssVelocity(rate=1.0, horizontal=0.01, vertical=0.02).unit
+    'm/s'
+    """
 
     unit: ClassVar[str] = "m/s"
     settings: ClassVar[Mapping[str, Setting]] = _settings("m/s")

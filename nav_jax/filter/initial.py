@@ -13,7 +13,7 @@ from nav_jax.filter.layout import NAVIGATION
 
 
 class InitialUncertainty(eqx.Module):
-    """Covariance of the navigation error at the start: every run draws its initial error from it, the filter knows it.
+    """The covariance of the navigation error at the start; runs draw from it, and the filter knows it.
 
     Parameters
     ----------
@@ -26,6 +26,12 @@ class InitialUncertainty(eqx.Module):
     ------
     ValueError
         A negative standard deviation, or a matrix that is not symmetric and positive semi-definite.
+
+    Examples
+    --------
+    >>> start = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.05, attitude_sd=(0.01, 0.01, 0.05))
+    >>> start.covariance.shape
+    (9, 9)
     """
 
     covariance: Float[Array, "nav nav"]

@@ -50,6 +50,12 @@ class Scenario:
     ValueError
         A part of another class, two sensors of one name, a sensor without a fix, an outage outside the run, a number
         out of range.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)], every=10).every
+    10
     """
 
     reference: Trajectory

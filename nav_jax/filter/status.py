@@ -4,7 +4,7 @@ import enum
 
 
 class Status(enum.IntEnum):
-    """What became of a run."""
+    """How a run ended."""
 
     ok = 0
     non_finite = 1

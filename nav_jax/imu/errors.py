@@ -31,7 +31,7 @@ from nav_jax.imu.recorded import RecordedErrors
 
 
 class ImuErrors(eqx.Module):
-    """Noise of the six channels of an IMU: what is emulated, or what a filter believes.
+    """The noise of the six channels of an IMU: what is emulated, or what a filter believes.
 
     Parameters
     ----------
@@ -58,6 +58,12 @@ class ImuErrors(eqx.Module):
     -----
     A drift DR(omega) has a known size but no known sign: its slope is drawn from N(0, omega^2), which is also what a
     filter assumes.
+
+    Examples
+    --------
+    >>> errors = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> len(errors.bank().states)  # a random walk on each axis of the accelerometer
+    3
     """
 
     models: tuple[Composite, ...]
@@ -103,7 +109,7 @@ class ImuErrors(eqx.Module):
         self.start = start
 
     def at_rate(self, rate: Real) -> "ImuErrors":
-        """The same physical noise, that is the same continuous-time densities, sampled at another rate.
+        """Return the same physical noise, that is the same continuous-time densities, sampled at another rate.
 
         Raises
         ------
@@ -123,7 +129,7 @@ class ImuErrors(eqx.Module):
         )
 
     def bank(self, *, complete: bool = False) -> SensorBank:
-        """The states of a filter, or of an emulation, that knows this model.
+        """Return the states of a filter, or of an emulation, that knows this model.
 
         Parameters
         ----------
@@ -171,12 +177,12 @@ class ImuErrors(eqx.Module):
         return [c for d in self.deterministic if d.present[channel] for c in d.constants(channel)]
 
     def stateless(self, channel: int) -> Composite | None:
-        """The processes of a channel that are no states of a filter (quantisation noise); None if there are none."""
+        """Return the processes of a channel that have no state (quantisation noise); None if there are none."""
         rest = [p for p in self.models[channel].processes if p.filter_form() is None]
         return Composite(rest) if rest else None
 
     def notes(self) -> tuple[str, ...]:
-        """What a filter that believes this model leaves out, in a sentence each."""
+        """Return what a filter that believes this model leaves out, in a sentence each."""
         notes = []
         for channel, model in zip(CHANNELS, self.models, strict=True):
             for process in model.processes:

@@ -33,12 +33,12 @@ _ROUNDS = 3
 
 
 class NoisyReferenceWarning(UserWarning):
-    """The positions of a reference are too noisy to be differentiated twice."""
+    """A warning that the positions of a reference are too noisy to be differentiated twice."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Imu:
-    """Samples of an IMU. Sample k holds from ``time[k]`` to the next, so that N samples span N + 1 epochs.
+    """The samples of an IMU. Sample k holds from ``time[k]`` to the next, so that N samples span N + 1 epochs.
 
     Attributes
     ----------
@@ -56,6 +56,14 @@ class Imu:
     ValueError
         Shapes that do not match, NaN or infinite samples, time that does not increase or has a step that is more than
         1 % off 1 / rate.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 10.0, 0.05)
+    >>> rest = np.broadcast_to([0.0, 0.0, -9.80665], (200, 3))
+    >>> imu = nj.Imu(time, np.zeros((200, 3)), rest, 20.0)
+    >>> imu.duration
+    10.0
     """
 
     time: Times
@@ -100,7 +108,7 @@ class Imu:
 def perfect_imu(
     trajectory: Trajectory, rate: Real | None = None, earth: AbstractEarth | None = None
 ) -> tuple[Imu, Trajectory]:
-    """Samples from which the mechanisation returns a trajectory, and what it returns.
+    """Compute the samples that lead along a trajectory, and the trajectory that the mechanisation returns.
 
     Body rates turn one attitude into the next exactly. Specific forces lead the *mechanised velocity* from epoch to
     epoch: the velocity for which the steps, with their constant specific force, end at the positions of the reference.
@@ -131,6 +139,12 @@ def perfect_imu(
     -----
     NoisyReferenceWarning
         The specific force has noise that no vehicle has: the positions are quantised or noisy.
+
+    Examples
+    --------
+    >>> imu, exact = nj.perfect_imu(nj.motions.static(duration=10.0, rate=20.0))
+    >>> imu.accel[0].round(5).tolist()  # specific force: at rest, minus gravity
+    [0.0, 0.0, -9.80665]
     """
     require_x64()
     f = trajectory.rate if rate is None else sampling_rate(rate)

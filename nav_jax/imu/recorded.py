@@ -9,7 +9,7 @@ from gmwm_jax._internal.typing import Real
 
 
 class RecordedErrors:
-    """Errors of a static recording: every run takes a slice of it, the six channels together.
+    """The errors in a static recording: every run takes a slice of it, the six channels together.
 
     Parameters
     ----------
@@ -28,6 +28,12 @@ class RecordedErrors:
     -----
     Slices of a short record overlap: runs are then not independent, and the intervals of statistics too short. Nobody
     knows the true states behind a recording, so nothing is said about the filter's sensor states.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).normal(size=(1000, 6))
+    >>> nj.RecordedErrors(accel=noise[:, :3], gyro=noise[:, 3:], rate=20.0).rate
+    20.0
     """
 
     def __init__(self, accel: Any, gyro: Any, rate: Real):

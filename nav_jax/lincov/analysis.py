@@ -146,7 +146,7 @@ class Covariances(Judged, Drawable):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Analysis(Mapping[str, Covariances], Drawable):
-    """Several filters along one reference: a mapping from their names."""
+    """The result of `analyse`: several filters along one reference, by their names."""
 
     filters: Mapping[str, Covariances]
     reference: str
@@ -189,7 +189,7 @@ def analyse(
     *,
     believed_initial: InitialUncertainty | None = None,
 ) -> Analysis:
-    """True and claimed covariance of filters that believe other noise models than the truth, without random numbers.
+    """Compute the true and the claimed covariance of filters that believe other noise models than the truth.
 
     Exact to first order in the errors, see `lincov.covariance`; for what is beyond that `compare` runs a Monte Carlo.
 
@@ -208,6 +208,15 @@ def analyse(
     ------
     ValueError
         A truth that is a recording or has a process without state-space form; rates that differ.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> analysis = nj.analyse(scenario, truth)
+    >>> bool(abs(next(iter(analysis.values())).nees("pose")[-1] - 6) < 0.1)  # a filter that believes the truth
+    True
     """
     truth = model_of(truth)
     filters = named_filters(truth, filters)

@@ -30,7 +30,7 @@ from nav_jax.statistics.epochs import Judged
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Budget(Judged, Drawable):
-    """Mean squares of a filter's errors, by source.
+    """The result of `error_budget`: mean squares of a filter's errors by source.
 
     Attributes
     ----------
@@ -106,6 +106,16 @@ def error_budget(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None 
     ------
     ValueError
         As of `nav_jax.analyse`; nothing is random.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> budget = nj.error_budget(scenario, truth)
+    >>> shares = budget.share("position")
+    >>> bool(np.allclose(np.nansum(shares, axis=0), 1.0))  # they add up
+    True
     """
     truth = model_of(truth)
     believed = truth if filter is None else filter

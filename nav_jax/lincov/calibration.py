@@ -33,7 +33,7 @@ _AT_ONCE = 16
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CalibrationEffect(Judged, Drawable):
-    """What the uncertainty of noise parameters does to navigation.
+    """The result of `calibration_effect`: what the uncertainty of noise parameters does to navigation.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def calibration_effect(
     num_draws: int = 200,
     **options: Any,
 ) -> CalibrationEffect:
-    """From the covariance or the replicates of fits to intervals of the navigation error.
+    """Carry the uncertainty of fits, from covariance or replicates, into intervals of the navigation error.
 
     Parameters
     ----------
@@ -120,6 +120,17 @@ def calibration_effect(
     ------
     ValueError
         A fit with a component at its limit, or without covariance; fewer than 20 draws; as of `nav_jax.analyse`.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> models = {"m/s^2": "WN(sigma2=1e-4)", "rad/s": "WN(sigma2=1e-8)"}  # of accelerometer and gyro
+    >>> draws = {unit: gj.simulate(model, 2000, key=jax.random.key(0)) for unit, model in models.items()}
+    >>> records = [gj.Recording.from_array(np.asarray(x), rate=20.0, units=unit) for unit, x in draws.items()]
+    >>> accel, gyro = (gj.fit(gj.wavelet_variance(rec), "WN") for rec in records)
+    >>> effect = nj.calibration_effect(scenario, accel, gyro, key=jax.random.key(1), num_draws=20)
     """
     typed_key(key)
     num_draws = integer("num_draws", num_draws, 20)

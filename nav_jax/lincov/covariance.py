@@ -44,7 +44,7 @@ from nav_jax.kinematics.state import BodyMotion, NavState
 
 
 class Lincov(NamedTuple):
-    """Covariances at the end of each of the M segments of an experiment, after the update there."""
+    """The covariances at the end of each of the M segments of an experiment, after the update there."""
 
     true: Claim
     """Second moments of the errors: navigation (M, nav, nav), channels (M, ch, ch)."""
@@ -60,7 +60,17 @@ class Lincov(NamedTuple):
 
 @eqx.filter_jit
 def motion_of(experiment: Experiment) -> Motion:
-    """The motion over each covariance step of the reference, arrays (M, G, ...): all that the covariances ask of it."""
+    """Compute the motion over each covariance step, arrays (M, G, ...): all that covariances ask of a reference.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> experiment = nj.filter.prepare(scenario, rate=20.0)
+    >>> motion = nj.lincov.motion_of(experiment)  # once, for many filters along one reference
+    >>> result = nj.lincov.linear_covariance(experiment, truth, truth, motion=motion)
+    """
     timeline = experiment.timeline
     none = _no_states()
 
@@ -166,7 +176,7 @@ def linear_covariance(
     believed_initial: InitialUncertainty | None = None,
     motion: Motion | None = None,
 ) -> Lincov:
-    """True and claimed covariance of a filter along the reference, or of many filters at once.
+    """Compute the true and the claimed covariance of a filter along the reference, or of many filters at once.
 
     Parameters
     ----------
@@ -185,6 +195,16 @@ def linear_covariance(
     ------
     ValueError
         A true process has no state-space form (BI, FLK, FGN); several truths and another number of filters.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> experiment = nj.filter.prepare(scenario, rate=20.0)
+    >>> result = nj.lincov.linear_covariance(experiment, truth, truth)
+    >>> bool(jnp.allclose(result.true.navigation, result.claimed.navigation))  # a filter that believes the truth
+    True
     """
     motion = motion_of(experiment) if motion is None else motion
     initial = experiment.initial if believed_initial is None else believed_initial

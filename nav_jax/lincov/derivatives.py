@@ -36,7 +36,7 @@ def rms_of(navigation: Float[Array, "*L E nav nav"]) -> Float[Array, "*L Q E"]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Judged, Drawable):
-    """Derivatives of RMS errors by parameters.
+    """The result of `sensitivities`: derivatives of RMS errors by parameters.
 
     Attributes
     ----------
@@ -148,6 +148,15 @@ def sensitivities(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None
     ------
     ValueError
         As of `nav_jax.analyse`.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> slopes = nj.sensitivities(scenario, truth)
+    >>> len(slopes.names) == len(slopes.sides)
+    True
     """
     truth = model_of(truth)
     believed = truth if filter is None else filter

@@ -86,7 +86,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Drawable):
-    """The best filter of each structure, with fewer states first.
+    """The result of `design`: the best filter of each structure, with fewer states first.
 
     Attributes
     ----------
@@ -227,6 +227,15 @@ def design(
         No structure within the budget, no scenario, unknown objective; as of `nav_jax.analyse`.
     KeyboardInterrupt
         Before the first structure was done.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> found = nj.design(scenario, truth, max_accel=1, max_gyro=0, max_steps=2)
+    >>> sorted({candidate.num_states for candidate in found.candidates})
+    [0, 3]
     """
     truth = model_of(truth)
     listed = (scenario,) if isinstance(scenario, Scenario) else scenario

@@ -62,6 +62,14 @@ def read_imu(
     ValueError
         A corrupt file; a column that is missing or no number; a unit that is not stated, or stated twice differently;
         steps of time that are uneven.
+
+    Examples
+    --------
+    >>> names = ["time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+    >>> rows = np.column_stack([np.arange(4) / 20.0, np.zeros((4, 5)), np.full(4, -1.0)])
+    >>> np.savetxt("imu.csv", rows, delimiter=",", header=",".join(names), comments="")
+    >>> nj.read_imu("imu.csv", units={"gyro": "deg/s", "accel": "g"}).accel[0].round(5).tolist()
+    [0.0, 0.0, -9.80665]
     """
     require_x64()
     stated = {} if units is None else dict(units)
@@ -117,6 +125,12 @@ def read_fixes(
         The format needs the extra ``io``.
     ValueError
         As of `read_imu`; another kind of sensor; an origin for velocities; no fix outside the outages.
+
+    Examples
+    --------
+    >>> np.savetxt("baro.csv", [[1.0, 100.0], [2.0, 100.5]], delimiter=",", header="time,height", comments="")
+    >>> nj.read_fixes("baro.csv", nj.Barometer(height=0.5)).value.ravel().tolist()
+    [100.0, 100.5]
     """
     require_x64()
     if type(sensor) not in AIDING.values():

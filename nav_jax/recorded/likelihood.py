@@ -65,7 +65,7 @@ def innovations(
 
 
 def innovation_loss(record: Record, filter: ImuErrors, sensors: tuple[AbstractAiding, ...]) -> Float[Array, ""]:
-    """Minus the logarithm of the likelihood of the innovations, less a constant.
+    """Compute minus the logarithm of the likelihood of the innovations, less a constant.
 
     Pure and differentiable in every parameter of `filter` and in the standard deviations that `sensors` believe.
     """

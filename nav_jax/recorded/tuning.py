@@ -36,7 +36,7 @@ _WIDEST = 20.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tuning(Drawable):
-    """Noise parameters that a recorded run makes most likely.
+    """The result of `tune`: the noise parameters that a recorded run makes most likely.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Tuning(Drawable):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Of each parameter, why it is not what the record says; "" if it is."""
+        """Return, for each parameter, why it is not what the record says; "" if it is."""
         return tuple(
             "held" if name in self.held
             else "" if seen
@@ -187,6 +187,20 @@ def tune(
     What is observable is judged at the start and again at every solution. What is lost on the way, as a process that
     the record does not have, is held where the search has left it: try the model without it. Of a parameter that is
     barely in sight, records show the large estimates only, and an interval that is too short.
+
+    Examples
+    --------
+    >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))  # in place of a recorded drive
+    >>> rng = np.random.default_rng(0)
+    >>> imu = nj.Imu(samples.time, samples.gyro, samples.accel + rng.normal(0.0, 0.2, (200, 3)), 20.0)
+    >>> gnss = nj.GnssPosition(horizontal=0.02, vertical=0.02)
+    >>> fixes = nj.Fixes(gnss, exact.time[20::20], exact.position[20::20] + rng.normal(0.0, 0.02, (10, 3)))
+    >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+    >>> start["initial"] = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.1, attitude_sd=0.01)
+    >>> tuning = nj.tune(imu, [fixes], filter, **start, max_steps=3)
+    >>> tuning.names[0]
+    'accel WN sigma2'
     """
     level, max_steps = probability("level", level), integer("max_steps", max_steps, 1)
     of_kind("initial", initial, InitialUncertainty)

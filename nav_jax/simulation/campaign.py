@@ -80,6 +80,15 @@ def monte_carlo(
     ------
     ValueError
         As in `compare`.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> runs = nj.monte_carlo(scenario, truth, num_runs=4, key=jax.random.key(0))
+    >>> runs.errors("position").shape  # runs, epochs, north east down
+    (4, 10, 3)
     """
     (believed,) = named_filters(truth, filter).values()
     return compare(
@@ -152,6 +161,19 @@ def compare(
         smoother.
     TypeError
         The key is an integer or of the old kind.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0))
+    >>> list(comparison)
+    ['right', 'white']
+    >>> comparison["right"].num_good
+    4
     """
     typed_key(key)
     filters = named_filters(truth, filters)

@@ -26,7 +26,7 @@ _REFERENCE = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternio
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Drawable):
-    """Filter models on common random numbers: run i of each model has the same truth and the same noise.
+    """Several filters on common random numbers: run i of each has the same truth and the same noise.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Comparison(Drawable):
 
     @classmethod
     def from_xarray(cls, dataset: "xarray.Dataset") -> "Comparison":
-        """What `to_xarray` made."""
+        """Build the comparison from the Dataset that `to_xarray` made."""
         try:
             names = [str(name) for name in dataset["model"].values]
             arrays = {name: dataset[f"reference_{name}"].values for name in ("time", *_REFERENCE)}

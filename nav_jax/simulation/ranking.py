@@ -73,7 +73,7 @@ class Standing:
 
 @dataclass(frozen=True, repr=False)
 class Ranking(Sequence[Standing]):
-    """Standings from the best mean position error on; prints itself.
+    """The standings of the filters from the best mean position error on; it prints itself.
 
     Attributes
     ----------

@@ -1,13 +1,22 @@
-"""The README is true: its Python runs, its commands print what it shows, its table has every process."""
+"""The README and the tours at the heads of the rooms are true: Python runs, commands print what is shown.
 
+The tours suppose the imports of the examples in docstrings, see test_examples.py.
+"""
+
+import importlib
 import re
 import shlex
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
+import matplotlib.image
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import gmwm_jax
+import nav_jax
 from gmwm_jax.app.cli import app
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.recordings import datasets
@@ -18,15 +27,26 @@ pytestmark = pytest.mark.usefixtures("quick_compilation")
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
+ROOMS = {
+    f"{package}.{path.parent.name}": importlib.import_module(f"{package}.{path.parent.name}").__doc__ or ""
+    for package in ("gmwm_jax", "nav_jax")
+    for path in sorted((ROOT / package).glob("*/__init__.py"))
+}
+"""Room -> its docstring."""
+
+SHELL = README + ROOMS["gmwm_jax.app"] + ROOMS["nav_jax.app"]
 
 
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+def blocks(language, text=README):
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+TOURS = [room for room, text in ROOMS.items() if blocks("python", text)]
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder to run in, with the text file that the README speaks of."""
+    """A folder to run in, with the text file that the README and the room of recordings speak of."""
     rec = datasets.simulated("mti-g", 500, channels=["gyro_x", "accel_x"])
     table = np.column_stack([rec.time(), np.rad2deg(rec.column("gyro_x")), rec.column("accel_x") / 9.80665])
     np.savetxt(tmp_path / "static.csv", table, delimiter=",", header="time,gyro_x,accel_x", comments="")
@@ -34,15 +54,35 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def run(sources, name, namespace):
+    for source in sources:
+        exec(compile(source, name, "exec"), namespace)
+    return namespace
+
+
 def test_python(folder):
-    """All blocks in order, in one namespace."""
+    """All blocks in order, in one namespace; the figures that are shown are those that it makes."""
     python = blocks("python")
-    assert len(python) >= 3
-    namespace = {}
-    for block in python:
-        exec(compile(block, "README.md", "exec"), namespace)
+    assert len(python) == 2
+    namespace = run(python, "README.md", {})
     assert namespace["rec"].channels == ("gyro_x", "accel_x")
-    assert (folder / "accel_x.png").stat().st_size > 0
+    for made, shown in (("accel_x.png", "fit.png"), ("comparison.png", "comparison.png")):
+        assert f'src="notebooks/{shown}"' in README
+        new, stored = (matplotlib.image.imread(path)[:, :, :3] for path in (folder / made, ROOT / "notebooks" / shown))
+        assert new.shape == stored.shape
+        assert np.mean(np.abs(new - stored)) < 0.05, "make it again by the code of the README"
+
+
+def test_there_are_tours():
+    assert {"gmwm_jax.processes", "gmwm_jax.inference", "gmwm_jax.multisignal", "nav_jax.filter"} <= set(TOURS)
+    assert len(TOURS) >= 9
+
+
+@pytest.mark.parametrize("room", TOURS)
+def test_tour(room, folder):
+    """All blocks of a room in order, in one namespace."""
+    names = {"gj": gmwm_jax, "nj": nav_jax, "np": np, "jax": jax, "jnp": jnp}
+    run(blocks("python", ROOMS[room]), room, names)
 
 
 def close(shown, printed):
@@ -60,7 +100,7 @@ def same(shown, printed):
 
 def test_commands(folder):
     """What a console block shows is printed, line by line and in order; at `...` lines are left out."""
-    commands = [part for block in blocks("console") for part in block.split("$ gmwm-jax ")[1:]]
+    commands = [part for block in blocks("console", SHELL) for part in block.split("$ gmwm-jax ")[1:]]
     assert len(commands) >= 4
     for command in commands:
         line, *shown = command.strip().splitlines()
@@ -73,27 +113,24 @@ def test_commands(folder):
     assert (folder / "fit.png").exists()
 
 
-def test_shell_blocks_use_options_that_exist():
-    for line in (line for block in blocks("sh") for line in block.splitlines() if line.startswith("gmwm-jax")):
-        command, *rest = shlex.split(line)[1:]
-        usage = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
-        for option in (word for word in rest if word.startswith("--")):
-            assert option in usage
+def shell_lines(program):
+    return [line for block in blocks("sh", SHELL) for line in block.splitlines() if line.startswith(program)]
 
 
-def test_nav_jax_shell_lines_use_options_that_exist():
-    lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("nav-jax")]
-    assert len(lines) >= 2
+@pytest.mark.parametrize(("program", "cli", "least"), [("gmwm-jax", app, 5), ("nav-jax", nav_app, 4)])
+def test_shell_blocks_use_options_that_exist(program, cli, least):
+    lines = shell_lines(program)
+    assert len(lines) >= least
     for line in lines:
         command, *rest = shlex.split(line)[1:]
-        usage = CliRunner().invoke(nav_app, [command, "--help"], env={"COLUMNS": "200"}).output
+        usage = CliRunner().invoke(cli, [command, "--help"], env={"COLUMNS": "200"}).output
         for option in (word for word in rest if word.startswith("--")):
             assert option in usage
 
 
 def test_configuration(folder):
     """The TOML that is shown says what it seems to."""
-    shown = next(b for b in blocks("toml") if "[trajectory]" in b)
+    shown = next(b for b in blocks("toml", ROOMS["nav_jax.app"]) if "[trajectory]" in b)
     path = folder / "comparison.toml"
     path.write_text(shown)
     comparison = read_config(path).compare(num_runs=2)
@@ -104,17 +141,27 @@ def test_configuration(folder):
 
 def test_make_targets_exist():
     makefile = (ROOT / "Makefile").read_text()
-    for target in re.findall(r"make (\w+)", " ".join([*blocks("sh"), *re.findall(r"`(make \w+)`", README)])):
+    shown = re.findall(r"make (\w+)", " ".join([*blocks("sh"), *re.findall(r"`(make \w+)`", README)]))
+    assert {"demo", "test", "validate", "check", "docs"} <= set(shown)
+    for target in shown:
         assert f"\n{target}:" in makefile
 
 
 def test_the_table_has_every_process():
-    rows = {row.split("|")[1].strip(): row for row in README.splitlines() if row.startswith("| `")}
+    rows = {row.split("|")[1].strip(): row for row in ROOMS["gmwm_jax.processes"].splitlines() if row.startswith("| `")}
     for kind, cls in PROCESSES.items():
         for parameter in cls.parameters:
             assert f"`{parameter.name}`" in rows[f"`{kind}`"]
 
 
+def test_the_tables_have_every_room():
+    for room in ROOMS:
+        name = room.split(".")[1]
+        assert name.startswith("_") or f"`{name}`" in README, room
+
+
 def test_links_lead_somewhere():
-    for target in re.findall(r"\]\(((?!https?:)[^)]+)\)", README):
+    targets = [*re.findall(r"\]\(((?!https?:)[^)]+)\)", README), *re.findall(r'src="([^"]+)"', README)]
+    assert len(targets) > 15
+    for target in targets:
         assert (ROOT / target).exists(), target
