@@ -181,7 +181,13 @@ def convert(value: Any, source: str, target: str) -> Any:
 
 
 def names(si: str) -> tuple[str, ...]:
-    """Return the names of all units that measure the same as an SI unit."""
+    """Return the names of all units that measure the same as an SI unit.
+
+    Examples
+    --------
+    >>> gj.units.names("s")
+    ('s', 'ms', ...)
+    """
     return tuple(name for name, unit in UNITS.items() if unit.si == si)
 
 
@@ -190,6 +196,11 @@ def written(si: str) -> dict[str, float]:
     """Return how the units of a quantity are written behind the name of a column, and their sizes in SI.
 
     These are plain names, as ``deg_s`` in ``gyro_x_deg_s``.
+
+    Examples
+    --------
+    >>> round(gj.units.written("rad/s")["deg_s"], 6)
+    0.017453
     """
     words = {word: UNITS[name].factor for word, name in _WORDS.items() if UNITS[name].si == si}
     return {plain_name(name): UNITS[name].factor for name in names(si)} | words
@@ -209,6 +220,11 @@ def size(name: str, si: str) -> float:
     ------
     ValueError
         Unknown unit, or one that measures something else.
+
+    Examples
+    --------
+    >>> gj.units.size("deg_s", "rad/s") == gj.units.size("deg/s", "rad/s")
+    True
     """
     factor = written(si).get(plain_name(name))
     return convert(1.0, name, si) if factor is None else factor
@@ -221,6 +237,11 @@ def time_size(name: str) -> float:
     ------
     ValueError
         Unknown unit; the message lists those that there are.
+
+    Examples
+    --------
+    >>> gj.units.time_size("ms")
+    0.001
     """
     clocks = [unit for unit in names("s") if unit != "day"]
     if name not in clocks:

@@ -208,7 +208,13 @@ NAMED: dict[str, AbstractWeights] = {w.name: w for w in (Default(), TwoStep(), C
 
 
 def as_weights(weights: WeightsLike) -> AbstractWeights:
-    """Return the weights that a text, an array or None stands for; raise ValueError for another text."""
+    """Return the weights that a text, an array or None stands for; raise ValueError for another text.
+
+    Examples
+    --------
+    >>> gj.fitting.weights.as_weights("two-step").name
+    'two-step'
+    """
     if isinstance(weights, AbstractWeights):
         return weights
     if weights is None:

@@ -9,12 +9,17 @@ from gmwm_jax.recordings.recording import Recording
 
 
 def recording_data(rec: Recording) -> tuple[Frame, ...]:
-    """What `plot_recording` shows: a frame for each channel.
+    """Return what `plot_recording` shows: a frame for each channel.
 
     Parameters
     ----------
     rec
         The recording.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> frames = gj.plotting.recording_data(rec)
     """
     t = rec.time()
     title = f"{rec.name or 'recording'}: {len(rec):,} samples at {rec.rate:g} Hz".replace(",", "\u2009")
@@ -28,7 +33,7 @@ def recording_data(rec: Recording) -> tuple[Frame, ...]:
 
 @draw.register(Recording)
 def plot_recording(rec: Recording, *, axes: GivenAxes | None = None) -> Figure:
-    """Each channel against time; a long record as the range of the samples in each of a few thousand bins.
+    """Plot each channel against time; a long record as the range of the samples in each of a few thousand bins.
 
     Parameters
     ----------
@@ -36,6 +41,12 @@ def plot_recording(rec: Recording, *, axes: GivenAxes | None = None) -> Figure:
         The recording.
     axes
         An Axes for each channel to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> figure = gj.plotting.plot_recording(rec)
+    >>> figure.savefig("recording.png")
     """
     shown = recording_data(rec)
     figure, drawn = frames(axes, len(shown), 1, (9, 1.2 + 1.6 * len(shown)), sharex=True)

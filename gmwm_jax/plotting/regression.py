@@ -12,12 +12,18 @@ from gmwm_jax.regression.regression import Regression
 
 
 def regression_data(regression: Regression) -> tuple[Frame, Frame, Frame, Frame]:
-    """What `plot_regression` shows: data and fit, the noise as of `fit_data`, and below both what is left.
+    """Return what `plot_regression` shows: data and fit, the noise as of `fit_data`, and below both what is left.
 
     Parameters
     ----------
     regression
         The regression of one record.
+
+    Examples
+    --------
+    >>> t = np.arange(2000.0)
+    >>> y = 0.5 * t + np.asarray(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> frames = gj.plotting.regression_data(gj.regress(y, gj.regression.trend(t), "WN", rate=1.0))
     """
     t, unit = regression.time, regression.noise.unit
     name = regression.noise.wv.channels[0]
@@ -33,7 +39,7 @@ def regression_data(regression: Regression) -> tuple[Frame, Frame, Frame, Frame]
 
 @draw.register(Regression)
 def plot_regression(regression: Regression, *, axes: GivenAxes | None = None) -> Figure:
-    """Data with what the regressors explain, residuals; beside them the wavelet variance of the noise with its fit.
+    """Plot the data with what the regressors explain, the residuals, and the noise with its fit.
 
     Parameters
     ----------
@@ -41,6 +47,13 @@ def plot_regression(regression: Regression, *, axes: GivenAxes | None = None) ->
         The regression of one record.
     axes
         Four Axes to draw into, of shape (2, 2), the small ones below; a new figure if left out.
+
+    Examples
+    --------
+    >>> t = np.arange(2000.0)
+    >>> y = 0.5 * t + np.asarray(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> figure = gj.plotting.plot_regression(gj.regress(y, gj.regression.trend(t), "WN", rate=1.0))
+    >>> figure.savefig("regression.png")
     """
     data, _, left, _ = regression_data(regression)
     figure, (top, variance, bottom, pulls) = frames(axes, 2, 2, (13, 6.6), sharex="col", height_ratios=(3, 1))

@@ -214,7 +214,7 @@ class AbstractProcess(eqx.Module):
 
     @classmethod
     def limit_of(cls, shape: tuple[Any, ...], tau_max: float) -> Limit:
-        """Name the process that this shape cannot be told from on spans up to tau_max; `Limit.NONE` if it is itself."""
+        """Name the process that this shape cannot be told from on spans up to tau_max; "" if it is itself."""
         return Limit.NONE
 
     @classmethod

@@ -37,7 +37,7 @@ _CONSISTENT = "0.82"
 
 
 def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) -> tuple[Frame, Frame]:
-    """What `plot_mean_errors` shows: position and orientation, a band and a line for each model.
+    """Return what `plot_mean_errors` shows: position and orientation, a band and a line for each model.
 
     Parameters
     ----------
@@ -47,6 +47,16 @@ def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) 
         Logarithmic errors.
     level
         Of the bands, pointwise.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.mean_errors_data(comparison)
     """
     by_name, chosen = _common(models)
     scale = "log" if log else "linear"
@@ -61,7 +71,7 @@ def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) 
 def plot_mean_errors(
     models: Models, *, log: bool = False, level: float = 0.95, axes: GivenAxes | None = None
 ) -> Figure:
-    """Mean position and orientation error of each model with its confidence band.
+    """Plot mean position and orientation error of each model with its confidence band.
 
     Parameters
     ----------
@@ -73,6 +83,17 @@ def plot_mean_errors(
         Of the bands, pointwise.
     axes
         Two Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_mean_errors(comparison)
+    >>> figure.savefig("mean_errors.png")
     """
     shown = mean_errors_data(models, log=log, level=level)
     figure, drawn = frames(axes, 1, 2, (10.5, 4.4), sharex=True)
@@ -89,7 +110,7 @@ def plot_mean_errors(
 def consistency_data(
     models: Models, *, groups: Sequence[str] = ("position", "pose", "navigation"), level: float = 0.95
 ) -> tuple[Frame, ...]:
-    """What `plot_consistency` shows: NEES of each group of states, then coverage of each group.
+    """Return what `plot_consistency` shows: NEES of each group of states, then coverage of each group.
 
     Parameters
     ----------
@@ -99,6 +120,16 @@ def consistency_data(
         A model without states in a group is left out there.
     level
         Of the bands, and of the region whose coverage is counted.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.consistency_data(comparison)
     """
     by_name, chosen = _common(models)
     above, below = [], []
@@ -131,7 +162,7 @@ def plot_consistency(
     level: float = 0.95,
     axes: GivenAxes | None = None,
 ) -> Figure:
-    """Mean NEES over its expectation, and coverage, of groups of states, with the bands of a consistent filter.
+    """Plot mean NEES over its expectation, and coverage, of groups of states, with the bands of a consistent filter.
 
     Parameters
     ----------
@@ -143,6 +174,17 @@ def plot_consistency(
         Of the bands, and of the region whose coverage is counted.
     axes
         Two Axes a group to draw into, of shape (2, groups); a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_consistency(comparison)
+    >>> figure.savefig("consistency.png")
     """
     by_name, chosen = _common(models)
     shown, num = consistency_data(models, groups=groups, level=level), len(groups)
@@ -170,7 +212,7 @@ def plot_consistency(
 
 
 def nis_data(models: Models, *, sensors: Sequence[str] | None = None, level: float = 0.95) -> tuple[Frame, ...]:
-    """What `plot_nis` shows: a frame for each aiding sensor.
+    """Return what `plot_nis` shows: a frame for each aiding sensor.
 
     Parameters
     ----------
@@ -180,6 +222,16 @@ def nis_data(models: Models, *, sensors: Sequence[str] | None = None, level: flo
         All by default.
     level
         Of the band.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.nis_data(comparison)
     """
     by_name, chosen = _common(models)
     there = list(dict.fromkeys(s for r in by_name.values() for s in r.nis if len(r.nis_time[s])))
@@ -205,7 +257,7 @@ def nis_data(models: Models, *, sensors: Sequence[str] | None = None, level: flo
 def plot_nis(
     models: Models, *, sensors: Sequence[str] | None = None, level: float = 0.95, axes: GivenAxes | None = None
 ) -> Figure:
-    """Mean NIS of each aiding sensor over its expectation, with the band of a consistent filter.
+    """Plot mean NIS of each aiding sensor over its expectation, with the band of a consistent filter.
 
     Parameters
     ----------
@@ -217,6 +269,17 @@ def plot_nis(
         Of the band.
     axes
         An Axes for each sensor to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_nis(comparison)
+    >>> figure.savefig("nis.png")
     """
     by_name, chosen = _common(models)
     shown = nis_data(models, sensors=sensors, level=level)
@@ -237,7 +300,7 @@ def plot_nis(
 
 
 def comparison_data(comparison: Comparison, *, at: float | None = None, level: float = 0.95) -> tuple[Frame, ...]:
-    """What `plot_comparison` shows: mean errors, energy score, consistency of the pose, and paired differences.
+    """Return what `plot_comparison` shows: mean errors, energy score, consistency of the pose, and paired differences.
 
     Parameters
     ----------
@@ -247,6 +310,16 @@ def comparison_data(comparison: Comparison, *, at: float | None = None, level: f
         Time in s at which they are judged, see `Comparison.table`.
     level
         Of all bands and intervals.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.comparison_data(comparison)
     """
     table = comparison.table(at, level)
     by_name, chosen = _common(comparison)
@@ -270,7 +343,7 @@ def comparison_data(comparison: Comparison, *, at: float | None = None, level: f
 def plot_comparison(
     comparison: Comparison, *, at: float | None = None, level: float = 0.95, axes: GivenAxes | None = None
 ) -> Figure:
-    """All models at a glance: mean errors, energy score, consistency of the pose, and which differences are real.
+    """Plot all models at a glance: mean errors, energy score, consistency of the pose, and which differences are real.
 
     Parameters
     ----------
@@ -282,6 +355,17 @@ def plot_comparison(
         Of all bands and intervals.
     axes
         Six Axes to draw into, as in two rows of three; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_comparison(comparison)
+    >>> figure.savefig("comparison.png")
     """
     by_name, chosen = _common(comparison)
     shown = comparison_data(comparison, at=at, level=level)

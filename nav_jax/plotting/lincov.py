@@ -38,7 +38,7 @@ _STYLES = {"truth": "-", "filter": "--"}
 
 
 def analysis_data(filters: Mapping[str, Covariances], *, group: str = "pose", level: float = 0.95) -> tuple[Frame, ...]:
-    """What `plot_analysis` shows: errors of position and orientation, each true and claimed, NEES and coverage.
+    """Return what `plot_analysis` shows: errors of position and orientation, each true and claimed, NEES and coverage.
 
     Parameters
     ----------
@@ -48,6 +48,13 @@ def analysis_data(filters: Mapping[str, Covariances], *, group: str = "pose", le
         Of states whose NEES and coverage are drawn, see `nav_jax.filter.layout.GROUPS`.
     level
         Of the region whose coverage is drawn.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> frames = nj.plotting.analysis_data(nj.analyse(scenario, truth))
     """
     outages = outage_items(next(iter(filters.values())).outage_intervals)
     shown = []
@@ -76,7 +83,7 @@ def _plot_one_filter(c: Covariances, **options: Any) -> Figure:
 def plot_analysis(
     filters: Mapping[str, Covariances], *, group: str = "pose", level: float = 0.95, axes: GivenAxes | None = None
 ) -> Figure:
-    """True against claimed errors of filters, and how consistent that makes them.
+    """Plot true against claimed errors of filters, and how consistent that makes them.
 
     Parameters
     ----------
@@ -88,6 +95,14 @@ def plot_analysis(
         Of the region whose coverage is drawn.
     axes
         Four Axes to draw into, as in two rows of two; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> figure = nj.plotting.plot_analysis(nj.analyse(scenario, truth))
+    >>> figure.savefig("analysis.png")
     """
     shown = analysis_data(filters, group=group, level=level)
     figure, drawn = frames(axes, 2, 2, (11.5, 7.4), sharex=True)
@@ -116,7 +131,7 @@ def plot_analysis(
 def sensitivities_data(
     s: Sensitivities, *, quantities: Sequence[str] = ("position", "tilt", "heading"), num: int = 8
 ) -> tuple[Frame, ...]:
-    """What `plot_sensitivities` shows: a frame for each quantity, a line for each parameter.
+    """Return what `plot_sensitivities` shows: a frame for each quantity, a line for each parameter.
 
     Parameters
     ----------
@@ -126,6 +141,13 @@ def sensitivities_data(
         Of `nav_jax.filter.layout.QUANTITIES`.
     num
         So many parameters: those with the largest relative effect on one of the quantities at the judged epoch.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> frames = nj.plotting.sensitivities_data(nj.sensitivities(scenario, truth))
     """
     chosen, shown = _most_effective(s, quantities, num), []
     for q in quantities:
@@ -144,7 +166,7 @@ def plot_sensitivities(
     num: int = 8,
     axes: GivenAxes | None = None,
 ) -> Figure:
-    """Derivatives of RMS errors by the logarithms of the parameters that matter most, over time.
+    """Plot derivatives of RMS errors by the logarithms of the parameters that matter most, over time.
 
     Parameters
     ----------
@@ -156,6 +178,14 @@ def plot_sensitivities(
         So many parameters: those with the largest relative effect on one of the quantities at the judged epoch.
     axes
         An Axes for each quantity to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> figure = nj.plotting.plot_sensitivities(nj.sensitivities(scenario, truth))
+    >>> figure.savefig("sensitivities.png")
     """
     chosen = _most_effective(s, quantities, num)
     colours = dict(zip(dict.fromkeys(s.names[p] for p in chosen), cycle(COLOURS), strict=False))
@@ -186,7 +216,7 @@ def _most_effective(s: Sensitivities, quantities: Sequence[str], num: int) -> li
 def budget_data(
     b: Budget, *, quantities: Sequence[str] = ("horizontal", "vertical", "tilt", "heading"), num: int = 7
 ) -> tuple[Frame, ...]:
-    """What `plot_budget` shows: for each quantity the shares of the sources, one upon the other, then all RMS errors.
+    """Return what `plot_budget` shows: the shares of the sources in each quantity, then all RMS errors.
 
     Parameters
     ----------
@@ -196,6 +226,13 @@ def budget_data(
         Of `nav_jax.filter.layout.QUANTITIES`.
     num
         At most so many sources by name, those with the largest mean shares; the others are one.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> frames = nj.plotting.budget_data(nj.error_budget(scenario, truth))
     """
     shares = {q: np.nan_to_num(b.share(q)) for q in quantities}
     weight = np.sum([x.mean(axis=1) for x in shares.values()], axis=0)
@@ -222,7 +259,7 @@ def plot_budget(
     num: int = 7,
     axes: GivenAxes | None = None,
 ) -> Figure:
-    """Shares of the sources in the mean square errors over time, and the RMS errors themselves.
+    """Plot shares of the sources in the mean square errors over time, and the RMS errors themselves.
 
     Parameters
     ----------
@@ -234,6 +271,14 @@ def plot_budget(
         At most so many sources have a colour of their own, those with the largest mean shares; the others are one.
     axes
         An Axes for each quantity to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> figure = nj.plotting.plot_budget(nj.error_budget(scenario, truth))
+    >>> figure.savefig("budget.png")
     """
     shown, count = budget_data(b, quantities=quantities, num=num), len(quantities)
     rows = -(-count // 2)
@@ -263,7 +308,7 @@ def plot_budget(
 def calibration_data(
     c: CalibrationEffect, *, quantities: Sequence[str] = ("position", "heading"), level: float = 0.95
 ) -> tuple[Frame, ...]:
-    """What `plot_calibration` shows: a frame for each quantity of the errors, then of the losses, then of the draws.
+    """Return what `plot_calibration` shows: a frame for each quantity of errors, then of losses, then of draws.
 
     Parameters
     ----------
@@ -273,6 +318,18 @@ def calibration_data(
         Of `nav_jax.filter.layout.QUANTITIES`.
     level
         Of the bands.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> models = {"m/s^2": "WN(sigma2=1e-4)", "rad/s": "WN(sigma2=1e-8)"}  # of accelerometer and gyro
+    >>> draws = {unit: gj.simulate(model, 2000, key=jax.random.key(0)) for unit, model in models.items()}
+    >>> records = [gj.Recording.from_array(np.asarray(x), rate=20.0, units=unit) for unit, x in draws.items()]
+    >>> accel, gyro = (gj.fit(gj.wavelet_variance(rec), "WN") for rec in records)
+    >>> effect = nj.calibration_effect(scenario, accel, gyro, key=jax.random.key(1), num_draws=20)
+    >>> frames = nj.plotting.calibration_data(effect)
     """
     k, outages = c.epoch(), outage_items(c.outage_intervals)
     rows: tuple[list[Frame], ...] = ([], [], [])
@@ -305,7 +362,7 @@ def plot_calibration(
     level: float = 0.95,
     axes: GivenAxes | None = None,
 ) -> Figure:
-    """What a calibration leaves open of the RMS errors, and what it costs to have filtered with its estimate.
+    """Plot what a calibration leaves open of the RMS errors, and what it costs to have filtered with its estimate.
 
     Parameters
     ----------
@@ -317,6 +374,19 @@ def plot_calibration(
         Of the bands.
     axes
         Three Axes a quantity to draw into, of shape (3, quantities); a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> models = {"m/s^2": "WN(sigma2=1e-4)", "rad/s": "WN(sigma2=1e-8)"}  # of accelerometer and gyro
+    >>> draws = {unit: gj.simulate(model, 2000, key=jax.random.key(0)) for unit, model in models.items()}
+    >>> records = [gj.Recording.from_array(np.asarray(x), rate=20.0, units=unit) for unit, x in draws.items()]
+    >>> accel, gyro = (gj.fit(gj.wavelet_variance(rec), "WN") for rec in records)
+    >>> effect = nj.calibration_effect(scenario, accel, gyro, key=jax.random.key(1), num_draws=20)
+    >>> figure = nj.plotting.plot_calibration(effect)
+    >>> figure.savefig("calibration.png")
     """
     shown, num = calibration_data(c, quantities=quantities, level=level), len(quantities)
     figure, drawn = frames(axes, 3, num, (1.5 + 5 * num, 9.0))
@@ -345,12 +415,20 @@ def plot_calibration(
 
 
 def design_data(d: Design) -> tuple[Frame, Frame, Frame]:
-    """What `plot_design` shows over the number of states: position error, consistency, and the loss with its front.
+    """Return what `plot_design` shows over the number of states: position error, consistency, loss and its front.
 
     Parameters
     ----------
     d
         The design; the names of its filters are those in `plot_design`.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> found = nj.design(scenario, truth, max_accel=1, max_gyro=0, max_steps=2)
+    >>> frames = nj.plotting.design_data(found)
     """
     designed = np.array([(*judged(c.covariances), c.loss) for c in d.candidates])
     naive = np.array([(*judged(c.covariances_naive), c.loss_naive) for c in d.candidates])
@@ -380,7 +458,7 @@ def design_data(d: Design) -> tuple[Frame, Frame, Frame]:
 
 @draw.register(Design)
 def plot_design(d: Design, *, axes: GivenAxes | None = None) -> Figure:
-    """States of the filters against what they reach: position error, consistency, and the loss with its Pareto front.
+    """Plot the number of states against position error, consistency, and the loss with its Pareto front.
 
     Parameters
     ----------
@@ -389,6 +467,15 @@ def plot_design(d: Design, *, axes: GivenAxes | None = None) -> Figure:
         question mark that its search did not converge.
     axes
         Three Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> found = nj.design(scenario, truth, max_accel=1, max_gyro=0, max_steps=2)
+    >>> figure = nj.plotting.plot_design(found)
+    >>> figure.savefig("design.png")
     """
     shown = design_data(d)
     figure, drawn = frames(axes, 1, 3, (14.0, 5.0))

@@ -18,12 +18,24 @@ _STYLES = {
 
 
 def tuning_data(t: Tuning) -> tuple[Frame]:
-    """What `plot_tuning` shows: the parameters in rows from the top, as factors on their starts.
+    """Return what `plot_tuning` shows: the parameters in rows from the top, as factors on their starts.
 
     Parameters
     ----------
     t
         The tuning.
+
+    Examples
+    --------
+    >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))  # in place of a recorded drive
+    >>> rng = np.random.default_rng(0)
+    >>> imu = nj.Imu(samples.time, samples.gyro, samples.accel + rng.normal(0.0, 0.2, (200, 3)), 20.0)
+    >>> gnss = nj.GnssPosition(horizontal=0.02, vertical=0.02)
+    >>> fixes = nj.Fixes(gnss, exact.time[20::20], exact.position[20::20] + rng.normal(0.0, 0.02, (10, 3)))
+    >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+    >>> start["initial"] = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.1, attitude_sd=0.01)
+    >>> frames = nj.plotting.tuning_data(nj.tune(imu, [fixes], filter, **start, max_steps=3))
     """
     rows = np.arange(len(t.names))
     # a partial autocorrelation may be negative, and its interval may contain zero
@@ -49,7 +61,7 @@ def tuning_data(t: Tuning) -> tuple[Frame]:
 
 @draw.register(Tuning)
 def plot_tuning(t: Tuning, *, axes: GivenAxes | None = None) -> Figure:
-    """Each parameter relative to its start, with its interval; those that the record does not show are marked.
+    """Plot each parameter relative to its start, with its interval; those that the record does not show are marked.
 
     Parameters
     ----------
@@ -57,6 +69,19 @@ def plot_tuning(t: Tuning, *, axes: GivenAxes | None = None) -> Figure:
         The tuning.
     axes
         The Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))  # in place of a recorded drive
+    >>> rng = np.random.default_rng(0)
+    >>> imu = nj.Imu(samples.time, samples.gyro, samples.accel + rng.normal(0.0, 0.2, (200, 3)), 20.0)
+    >>> gnss = nj.GnssPosition(horizontal=0.02, vertical=0.02)
+    >>> fixes = nj.Fixes(gnss, exact.time[20::20], exact.position[20::20] + rng.normal(0.0, 0.02, (10, 3)))
+    >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+    >>> start["initial"] = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.1, attitude_sd=0.01)
+    >>> figure = nj.plotting.plot_tuning(nj.tune(imu, [fixes], filter, **start, max_steps=3))
+    >>> figure.savefig("tuning.png")
     """
     (frame,) = tuning_data(t)
     figure, (ax,) = frames(axes, 1, 1, (9.0, 1.6 + 0.42 * len(t.names)))

@@ -38,7 +38,7 @@ _SHOWN = {  # block -> (title, unit, factor, rows: label, column, sign)
 
 
 def realisations_data(runs: Runs, reference: Trajectory, *, max_runs: int = 20) -> tuple[Frame, Frame]:
-    """What `plot_realisations` shows: plan and height.
+    """Return what `plot_realisations` shows: plan and height.
 
     Parameters
     ----------
@@ -48,6 +48,16 @@ def realisations_data(runs: Runs, reference: Trajectory, *, max_runs: int = 20) 
         The truth.
     max_runs
         At most so many.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.realisations_data(comparison["right"], reference)
     """
     outages = runs.outage_intervals
     paths = _paths(runs, reference, max_runs)
@@ -69,7 +79,7 @@ def realisations_data(runs: Runs, reference: Trajectory, *, max_runs: int = 20) 
 def plot_realisations(
     runs: Runs, reference: Trajectory, *, max_runs: int = 20, axes: GivenAxes | None = None
 ) -> Figure:
-    """Where runs say that they went, over the truth: plan and height.
+    """Plot where runs say that they went, over the truth: plan and height.
 
     Parameters
     ----------
@@ -81,6 +91,17 @@ def plot_realisations(
         At most so many.
     axes
         Two Axes to draw into, plan and height; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_realisations(comparison["right"], reference)
+    >>> figure.savefig("realisations.png")
     """
     shown = realisations_data(runs, reference, max_runs=max_runs)
     figure, drawn = plan_and_height(axes, shown)
@@ -99,7 +120,7 @@ def plot_realisations(
 def errors_data(
     runs: Runs, *, blocks: Sequence[str] = ("position",), max_runs: int = 50, sigmas: float = 3.0
 ) -> tuple[Frame, ...]:
-    """What `plot_errors` shows: three rows, of which each has a frame for each block.
+    """Return what `plot_errors` shows: three rows, of which each has a frame for each block.
 
     Parameters
     ----------
@@ -111,6 +132,16 @@ def errors_data(
         At most so many runs; the bounds are of all.
     sigmas
         Bounds are that many standard deviations (root mean square over the runs) away.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.errors_data(comparison["right"])
     """
     for block in blocks:
         JUDGED[block]  # raises where there is no such block
@@ -128,7 +159,7 @@ def plot_errors(
     sigmas: float = 3.0,
     axes: GivenAxes | None = None,
 ) -> Figure:
-    """Errors of runs with the bounds of the filter: position and velocity east, north, up, attitude about the axes.
+    """Plot the errors of runs with the bounds of the filter: position, velocity, attitude about the axes.
 
     Parameters
     ----------
@@ -142,13 +173,24 @@ def plot_errors(
         Bounds are that many standard deviations (root mean square over the runs) away.
     axes
         Three Axes a block to draw into, of shape (3, blocks); a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_errors(comparison["right"])
+    >>> figure.savefig("errors.png")
     """
     shown = errors_data(runs, blocks=blocks, max_runs=max_runs, sigmas=sigmas)
     return _draw_blocks(shown, axes, f"{runs.name}: estimate - truth, {runs.counts()}")
 
 
 def sensor_states_data(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0) -> tuple[Frame, ...]:
-    """What `plot_sensor_states` shows: three rows, of which each has a frame for accelerometer and gyroscope.
+    """Return what `plot_sensor_states` shows: three rows, of which each has a frame for accelerometer and gyroscope.
 
     Parameters
     ----------
@@ -158,12 +200,22 @@ def sensor_states_data(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0) -
         At most so many runs; the bounds are of all.
     sigmas
         Bounds are that many standard deviations (root mean square over the runs) away.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> frames = nj.plotting.sensor_states_data(comparison["right"])
     """
     return errors_data(runs, blocks=("accel", "gyro"), max_runs=max_runs, sigmas=sigmas)
 
 
 def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0, axes: GivenAxes | None = None) -> Figure:
-    """Errors of the estimated sensor errors of the six axes with the bounds of the filter.
+    """Plot errors of the estimated sensor errors of the six axes with the bounds of the filter.
 
     Parameters
     ----------
@@ -175,6 +227,17 @@ def plot_sensor_states(runs: Runs, *, max_runs: int = 30, sigmas: float = 3.0, a
         Bounds are that many standard deviations (root mean square over the runs) away.
     axes
         Six Axes to draw into, of shape (3, 2); a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> filters = {"right": truth, "white": white}
+    >>> comparison = nj.compare(scenario, truth=truth, filters=filters, num_runs=4, key=jax.random.key(0), keep=[0])
+    >>> figure = nj.plotting.plot_sensor_states(comparison["right"])
+    >>> figure.savefig("sensor_states.png")
     """
     title = f"{runs.name}: estimated - true sensor error (true one without white noise)"
     return _draw_blocks(sensor_states_data(runs, max_runs=max_runs, sigmas=sigmas), axes, title)

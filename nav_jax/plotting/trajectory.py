@@ -13,7 +13,7 @@ _FLAT = 1.0
 
 
 def trajectory_data(trajectory: Trajectory, *, attitude: bool = True) -> tuple[Frame, ...]:
-    """What `plot_trajectory` shows: plan, height and attitude.
+    """Return what `plot_trajectory` shows: plan, height and attitude.
 
     Parameters
     ----------
@@ -21,6 +21,11 @@ def trajectory_data(trajectory: Trajectory, *, attitude: bool = True) -> tuple[F
         What to draw.
     attitude
         Whether roll, pitch and yaw are drawn too.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> frames = nj.plotting.trajectory_data(reference)
     """
     north, east, down = trajectory.position.T
     way = Line("", east, north), Points("start", east[:1], north[:1])
@@ -33,7 +38,7 @@ def trajectory_data(trajectory: Trajectory, *, attitude: bool = True) -> tuple[F
 
 @draw.register(Trajectory)
 def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True, axes: GivenAxes | None = None) -> Figure:
-    """Plan, height and attitude of a trajectory.
+    """Plot plan, height and attitude of a trajectory.
 
     Parameters
     ----------
@@ -43,6 +48,12 @@ def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True, axes: Give
         Whether roll, pitch and yaw are drawn too.
     axes
         Two Axes to draw into, plan and height, or with the attitude three; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> figure = nj.plotting.plot_trajectory(reference)
+    >>> figure.savefig("trajectory.png")
     """
     shown = trajectory_data(trajectory, attitude=attitude)
     if attitude:

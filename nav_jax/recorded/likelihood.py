@@ -68,6 +68,23 @@ def innovation_loss(record: Record, filter: ImuErrors, sensors: tuple[AbstractAi
     """Compute minus the logarithm of the likelihood of the innovations, less a constant.
 
     Pure and differentiable in every parameter of `filter` and in the standard deviations that `sensors` believe.
+
+    Examples
+    --------
+    >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))  # in place of a recorded drive
+    >>> rng = np.random.default_rng(0)
+    >>> imu = nj.Imu(samples.time, samples.gyro, samples.accel + rng.normal(0.0, 0.2, (200, 3)), 20.0)
+    >>> gnss = nj.GnssPosition(horizontal=0.02, vertical=0.02)
+    >>> fixes = nj.Fixes(gnss, exact.time[20::20], exact.position[20::20] + rng.normal(0.0, 0.02, (10, 3)))
+    >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+    >>> start["initial"] = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.1, attitude_sd=0.01)
+    >>> from nav_jax.recorded.likelihood import Record
+    >>> from nav_jax.recorded.navigation import prepare_navigation
+    >>> initial = start.pop("initial")
+    >>> done = prepare_navigation(imu, [fixes], filter, every=1, output_interval=1.0, earth=nj.FlatEarth(), **start)
+    >>> record = Record(done.timeline, done.inputs, initial)
+    >>> loss = nj.recorded.innovation_loss(record, filter, done.sensors)
     """
     nu, s = innovations(record, filter, sensors)
     return 0.5 * jnp.sum(nu**2 / s + jnp.log(s))
