@@ -39,7 +39,7 @@ _NONE = np.array([])
 
 
 def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Frame]:
-    """What `plot_fit` shows: the variances, and the residuals in half widths of the confidence interval.
+    """Return what `plot_fit` shows: the variances, and the residuals in half widths of the confidence interval.
 
     Parameters
     ----------
@@ -47,6 +47,12 @@ def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Fr
         The fit of one channel.
     datasheet
         A model of what the datasheet promises; by unit if there are several.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> frames = gj.plotting.fit_data(fit)
     """
     wv, dense = fit.wv, dense_scales(fit.wv)
     t = dense / (wv.rate or 1.0)
@@ -74,7 +80,7 @@ def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Fr
 
 @draw.register(Fit)
 def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None) -> Figure:
-    """Wavelet variance, fit and components over scale; below, the residuals in half widths of the confidence interval.
+    """Plot wavelet variance, fit and components over scale, and below the residuals in half widths of the interval.
 
     Parameters
     ----------
@@ -84,6 +90,13 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | 
         A model of what the datasheet promises, drawn as a line; by unit if there are several.
     axes
         Two Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> figure = gj.plotting.plot_fit(fit)
+    >>> figure.savefig("fit.png")
     """
     above, below = fit_data(fit, datasheet=datasheet)
     figure, (top, bottom) = large_and_small(axes)
@@ -110,7 +123,7 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | 
 
 
 def fits_data(fits: Channels[Fit], *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
-    """What `plot_fits` shows: two frames a channel, see `fit_data`.
+    """Return what `plot_fits` shows: two frames for each channel, see `fit_data`.
 
     Parameters
     ----------
@@ -118,6 +131,11 @@ def fits_data(fits: Channels[Fit], *, datasheet: Datasheet | None = None) -> tup
         The fits of several channels.
     datasheet
         A model of what the datasheet promises; by unit if there are several.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x", "accel_y"])
+    >>> frames = gj.plotting.fits_data(gj.fit(rec, "WN + RW"))
     """
     models = by_unit(datasheet, [fit.unit for fit in fits.values()])
     shown = []
@@ -131,7 +149,7 @@ def fits_data(fits: Channels[Fit], *, datasheet: Datasheet | None = None) -> tup
 
 @draws_channels_of(Fit)
 def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None) -> Figure:
-    """One panel a channel, see `plot_fit`, with one legend for all.
+    """Plot one panel for each channel, see `plot_fit`, with one legend for all.
 
     Parameters
     ----------
@@ -141,6 +159,12 @@ def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: 
         A model of what the datasheet promises, drawn as a line; by unit if there are several.
     axes
         Two Axes a channel to draw into, of shape (2, channels), the small ones below; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x", "accel_y"])
+    >>> figure = gj.plotting.plot_fits(gj.fit(rec, "WN + RW"))
+    >>> figure.savefig("fits.png")
     """
     models, shown = by_unit(datasheet, [fit.unit for fit in fits.values()]), fits_data(fits, datasheet=datasheet)
     figure, pairs = pairs_of_frames(axes, len(fits), 4.6, 0.5)

@@ -23,12 +23,17 @@ _THEORY = "0.35"
 
 
 def selection_data(selection: Selection) -> tuple[Frame]:
-    """What `plot_selection` shows: the twenty lowest candidates, in rows from the top.
+    """Return what `plot_selection` shows: the twenty lowest candidates, in rows from the top.
 
     Parameters
     ----------
     selection
         Of one channel.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> frames = gj.plotting.selection_data(gj.select(rec, "WN + RW"))
     """
     shown = [c for c in selection.candidates if c.sound][:_SHOWN]
     equivalent = {c.name for c in selection.equivalent}
@@ -52,7 +57,7 @@ def selection_data(selection: Selection) -> tuple[Frame]:
 
 @draw.register(Selection)
 def plot_selection(selection: Selection, *, axes: GivenAxes | None = None) -> Figure:
-    """Differences of the criterion to the best candidate, with intervals; the lowest at the top.
+    """Plot differences of the criterion to the best candidate, with intervals; the lowest at the top.
 
     Parameters
     ----------
@@ -60,6 +65,12 @@ def plot_selection(selection: Selection, *, axes: GivenAxes | None = None) -> Fi
         The twenty lowest candidates are drawn.
     axes
         The Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> figure = gj.plotting.plot_selection(gj.select(rec, "WN + RW"))
+    >>> figure.savefig("selection.png")
     """
     (frame,) = selection_data(selection)
     figure, (ax,) = frames(axes, 1, 1, (7.5, 1.4 + 0.28 * len(frame.y.names)))
@@ -68,19 +79,24 @@ def plot_selection(selection: Selection, *, axes: GivenAxes | None = None) -> Fi
 
 
 def selections_data(selections: Channels[Selection]) -> tuple[Frame, ...]:
-    """What `plot_selections` shows: a frame a channel, see `selection_data`.
+    """Return what `plot_selections` shows: a frame for each channel, see `selection_data`.
 
     Parameters
     ----------
     selections
         Of several channels.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x", "accel_y"])
+    >>> frames = gj.plotting.selections_data(gj.select(rec, "WN + RW"))
     """
     return tuple(frame for selection in selections.values() for frame in selection_data(selection))
 
 
 @draws_channels_of(Selection)
 def plot_selections(selections: Channels[Selection], *, axes: GivenAxes | None = None) -> Figure:
-    """A frame a channel, three in a row, each as of `plot_selection`.
+    """Plot a frame for each channel, three in a row, each as of `plot_selection`.
 
     Parameters
     ----------
@@ -88,6 +104,12 @@ def plot_selections(selections: Channels[Selection], *, axes: GivenAxes | None =
         Of several channels.
     axes
         An Axes for each channel to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x", "accel_y"])
+    >>> figure = gj.plotting.plot_selections(gj.select(rec, "WN + RW"))
+    >>> figure.savefig("selections.png")
     """
     shown = selections_data(selections)
     columns = min(3, len(shown))
@@ -116,12 +138,18 @@ def _draw_candidates(ax: Axes, frame: Frame, level: float) -> None:
 
 
 def bootstrap_data(boot: Bootstrap) -> tuple[Frame, ...]:
-    """What `plot_bootstrap` shows: a frame for each parameter that varies.
+    """Return what `plot_bootstrap` shows: a frame for each parameter that varies.
 
     Parameters
     ----------
     boot
         The replicates.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> frames = gj.plotting.bootstrap_data(gj.bootstrap(fit, 20, key=jax.random.key(0)))
     """
     enough = len(boot.good) >= replicates_needed(boot.fit.level)
     theory, shown = boot.fit.parameters(), boot.parameters() if enough else boot.fit.parameters()
@@ -149,7 +177,7 @@ def _parameter(draws: np.ndarray, own: Estimate, theory: Estimate, level: float,
 
 @draw.register(Bootstrap)
 def plot_bootstrap(boot: Bootstrap, *, axes: GivenAxes | None = None) -> Figure:
-    """A panel a parameter: replicates, the estimate, percentile interval and that of theory.
+    """Plot a panel for each parameter: replicates, the estimate, percentile interval and that of theory.
 
     Parameters
     ----------
@@ -157,6 +185,13 @@ def plot_bootstrap(boot: Bootstrap, *, axes: GivenAxes | None = None) -> Figure:
         The replicates.
     axes
         An Axes for each parameter that varies to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> fit = gj.fit(wv, "WN + RW")
+    >>> figure = gj.plotting.plot_bootstrap(gj.bootstrap(fit, 20, key=jax.random.key(0)))
+    >>> figure.savefig("bootstrap.png")
     """
     shown = bootstrap_data(boot)
     columns = min(3, max(1, len(shown)))

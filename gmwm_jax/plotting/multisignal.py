@@ -36,12 +36,20 @@ _MOST_NAMES = 8
 
 
 def joint_fit_data(joint: JointFit) -> tuple[Frame, Frame]:
-    """What `plot_joint_fit` shows: the variances, and the residuals in half widths of the confidence interval.
+    """Return what `plot_joint_fit` shows: the variances, and the residuals in half widths of the confidence interval.
 
     Parameters
     ----------
     joint
         The joint fit of one channel.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> frames = gj.plotting.joint_fit_data(joint)
     """
     dense = dense_scales(joint.wv)
     t = dense / (joint.wv.rate or 1.0)
@@ -67,7 +75,7 @@ def joint_fit_data(joint: JointFit) -> tuple[Frame, Frame]:
 
 @draw.register(JointFit)
 def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
-    """Wavelet variances of all records, the joint fit, the range of the single fits; below, residuals of each record.
+    """Plot the wavelet variances of all records with the joint and the single fits, and below the residuals.
 
     Parameters
     ----------
@@ -75,6 +83,15 @@ def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
         The joint fit of one channel.
     axes
         Two Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> figure = gj.plotting.plot_joint_fit(joint)
+    >>> figure.savefig("joint_fit.png")
     """
     above, below = joint_fit_data(joint)
     figure, (top, bottom) = large_and_small(axes)
@@ -104,12 +121,18 @@ def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
 
 
 def joint_fits_data(joints: Channels[JointFit]) -> tuple[Frame, ...]:
-    """What `plot_joint_fits` shows: two frames a channel, see `joint_fit_data`.
+    """Return what `plot_joint_fits` shows: two frames for each channel, see `joint_fit_data`.
 
     Parameters
     ----------
     joints
         The joint fits of several channels.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 2)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x", "accel_y"]) for key in keys]
+    >>> frames = gj.plotting.joint_fits_data(gj.fit_records([gj.wavelet_variance(rec) for rec in records], "WN + RW"))
     """
     shown = []
     for joint in joints.values():
@@ -120,7 +143,7 @@ def joint_fits_data(joints: Channels[JointFit]) -> tuple[Frame, ...]:
 
 @draws_channels_of(JointFit)
 def plot_joint_fits(joints: Channels[JointFit], *, axes: GivenAxes | None = None) -> Figure:
-    """One panel a channel, see `plot_joint_fit`.
+    """Plot one panel for each channel, see `plot_joint_fit`.
 
     Parameters
     ----------
@@ -128,6 +151,13 @@ def plot_joint_fits(joints: Channels[JointFit], *, axes: GivenAxes | None = None
         The joint fits of several channels.
     axes
         Two Axes a channel to draw into, of shape (2, channels), the small ones below; a new figure if left out.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 2)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x", "accel_y"]) for key in keys]
+    >>> figure = gj.plotting.plot_joint_fits(gj.fit_records([gj.wavelet_variance(rec) for rec in records], "WN + RW"))
+    >>> figure.savefig("joint_fits.png")
     """
     figure, pairs = pairs_of_frames(axes, len(joints), 4.8, 0.0)
     for i, (joint, frame, (top, bottom)) in enumerate(
@@ -143,12 +173,20 @@ def plot_joint_fits(joints: Channels[JointFit], *, axes: GivenAxes | None = None
 
 
 def record_comparison_data(comparison: RecordComparison) -> tuple[Frame, ...]:
-    """What `plot_record_comparison` shows: a frame for each parameter.
+    """Return what `plot_record_comparison` shows: a frame for each parameter.
 
     Parameters
     ----------
     comparison
         Of one channel.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> frames = gj.plotting.record_comparison_data(gj.multisignal.compare_records(joint))
     """
     joint = comparison.joint
     numbers = np.arange(1, len(joint.records) + 1)
@@ -172,7 +210,7 @@ def record_comparison_data(comparison: RecordComparison) -> tuple[Frame, ...]:
 
 @draw.register(RecordComparison)
 def plot_record_comparison(comparison: RecordComparison, *, axes: GivenAxes | None = None) -> Figure:
-    """A panel a parameter: each record's estimate with its interval, and the joint estimate.
+    """Plot a panel for each parameter: each record's estimate with its interval, and the joint estimate.
 
     Parameters
     ----------
@@ -180,6 +218,15 @@ def plot_record_comparison(comparison: RecordComparison, *, axes: GivenAxes | No
         Of one channel.
     axes
         An Axes for each parameter to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> figure = gj.plotting.plot_record_comparison(gj.multisignal.compare_records(joint))
+    >>> figure.savefig("record_comparison.png")
     """
     shown, num = record_comparison_data(comparison), len(comparison.joint.records)
     columns = min(3, len(shown))
@@ -208,12 +255,20 @@ def _parameters(joint: JointFit) -> Iterator[tuple[str, Parameter, float]]:
 
 
 def near_stationarity_data(test: NearStationarity) -> tuple[Frame]:
-    """What `plot_near_stationarity` shows.
+    """Return what `plot_near_stationarity` shows.
 
     Parameters
     ----------
     test
         Of one channel.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> frames = gj.plotting.near_stationarity_data(gj.multisignal.near_stationarity(joint, 20, key=jax.random.key(0)))
     """
     good = test.objective[test.converged]
     far = test.joint.objective > 3 * good.max() or test.joint.objective < good.min() / 3
@@ -228,7 +283,7 @@ def near_stationarity_data(test: NearStationarity) -> tuple[Frame]:
 
 @draw.register(NearStationarity)
 def plot_near_stationarity(test: NearStationarity, *, axes: GivenAxes | None = None) -> Figure:
-    """Joint objectives of records with the same parameters, and that of the data.
+    """Plot joint objectives of records with the same parameters, and that of the data.
 
     Parameters
     ----------
@@ -236,6 +291,15 @@ def plot_near_stationarity(test: NearStationarity, *, axes: GivenAxes | None = N
         Of one channel.
     axes
         The Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> figure = gj.plotting.plot_near_stationarity(gj.multisignal.near_stationarity(joint, 20, key=jax.random.key(0)))
+    >>> figure.savefig("near_stationarity.png")
     """
     (frame,) = near_stationarity_data(test)
     figure, (ax,) = frames(axes, 1, 1, (6, 3.6))
@@ -249,12 +313,20 @@ def plot_near_stationarity(test: NearStationarity, *, axes: GivenAxes | None = N
 
 
 def cross_validation_data(cv: CrossValidation) -> tuple[Frame]:
-    """What `plot_cross_validation` shows: the models in rows from the top.
+    """Return what `plot_cross_validation` shows: the models in rows from the top.
 
     Parameters
     ----------
     cv
         Of one channel.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> frames = gj.plotting.cross_validation_data(gj.multisignal.cross_validate(units, ["WN", "WN + RW"]))
     """
     at, half = (np.array([getattr(p, what) for p in cv.scores]) for what in ("difference", "difference_error"))
     positive = at[at > 0]
@@ -269,7 +341,7 @@ def cross_validation_data(cv: CrossValidation) -> tuple[Frame]:
 
 @draw.register(CrossValidation)
 def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None) -> Figure:
-    """Difference of each model to the best, with its standard error over records.
+    """Plot the difference of each model to the best, with its standard error over records.
 
     Parameters
     ----------
@@ -277,6 +349,15 @@ def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None)
         Of one channel.
     axes
         The Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> joint = gj.fit_records(units, "WN + RW")
+    >>> figure = gj.plotting.plot_cross_validation(gj.multisignal.cross_validate(units, ["WN", "WN + RW"]))
+    >>> figure.savefig("cross_validation.png")
     """
     (frame,) = cross_validation_data(cv)
     figure, (ax,) = frames(axes, 1, 1, (6.4, 0.9 + 0.42 * len(cv)))

@@ -36,7 +36,7 @@ from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
 
 
 def wavelet_variance_data(wv: AbstractWaveletVariance, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
-    """What `plot_wavelet_variance` shows: a frame for each unit.
+    """Return what `plot_wavelet_variance` shows: a frame for each unit.
 
     Parameters
     ----------
@@ -44,6 +44,11 @@ def wavelet_variance_data(wv: AbstractWaveletVariance, *, datasheet: Datasheet |
         Wavelet variance of one or several channels.
     datasheet
         A model of what the datasheet promises; by unit if there are several.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> frames = gj.plotting.wavelet_variance_data(gj.wavelet_variance(rec))
     """
     models = by_unit(datasheet, wv.units)
     shown = []
@@ -60,7 +65,7 @@ def wavelet_variance_data(wv: AbstractWaveletVariance, *, datasheet: Datasheet |
 def plot_wavelet_variance(
     wv: AbstractWaveletVariance, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None
 ) -> Figure:
-    """Wavelet variance over scale with its confidence band; channels of one unit share a frame.
+    """Plot the wavelet variance over scale with its confidence band; channels of one unit share a frame.
 
     Parameters
     ----------
@@ -70,6 +75,12 @@ def plot_wavelet_variance(
         A model of what the datasheet promises, drawn as a line; by unit if there are several.
     axes
         An Axes for each unit to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> figure = gj.plotting.plot_wavelet_variance(gj.wavelet_variance(rec))
+    >>> figure.savefig("wavelet_variance.png")
     """
     shown = wavelet_variance_data(wv, datasheet=datasheet)
     figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))
@@ -82,7 +93,7 @@ def plot_wavelet_variance(
 def robust_comparison_data(
     comparison: RobustComparison, *, cleaned: WaveletVariance | None = None
 ) -> tuple[Frame, Frame]:
-    """What `plot_robust_comparison` shows: the variances, and their difference in standard errors.
+    """Return what `plot_robust_comparison` shows: the variances, and their difference in standard errors.
 
     Parameters
     ----------
@@ -90,6 +101,12 @@ def robust_comparison_data(
         Of one channel.
     cleaned
         The wavelet variance of the same channel without its outliers, see `mask_outliers`.
+
+    Examples
+    --------
+    >>> x = np.array(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> x[700] = 50.0
+    >>> frames = gj.plotting.robust_comparison_data(gj.variance.compare_robust(x))
     """
     classic, robust, differs = comparison.classic, comparison.robust, comparison.significant
     items = variance_items(classic, "classic") + variance_items(robust, f"robust, efficiency {robust.efficiency:g}")
@@ -113,7 +130,7 @@ def robust_comparison_data(
 def plot_robust_comparison(
     comparison: RobustComparison, *, cleaned: WaveletVariance | None = None, axes: GivenAxes | None = None
 ) -> Figure:
-    """Classic and robust wavelet variance with their bands; below, their difference in standard errors.
+    """Plot the classic and the robust wavelet variance with their bands; below, their difference in standard errors.
 
     Parameters
     ----------
@@ -123,6 +140,13 @@ def plot_robust_comparison(
         A third curve: the wavelet variance of the same channel without its outliers, see `mask_outliers`.
     axes
         Two Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> x = np.array(gj.simulate("WN(sigma2=1.0)", 2000, key=jax.random.key(0)))
+    >>> x[700] = 50.0
+    >>> figure = gj.plotting.plot_robust_comparison(gj.variance.compare_robust(x))
+    >>> figure.savefig("robust_comparison.png")
     """
     above, below = robust_comparison_data(comparison, cleaned=cleaned)
     figure, (top, bottom) = large_and_small(axes)
@@ -145,7 +169,7 @@ def plot_robust_comparison(
 
 
 def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | None = None) -> tuple[Frame, ...]:
-    """What `plot_allan_deviation` shows: a frame for each unit.
+    """Return what `plot_allan_deviation` shows: a frame for each unit.
 
     Parameters
     ----------
@@ -153,6 +177,11 @@ def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | 
         One or several channels.
     regression
         Slopes, and the deviation they imply together; of one channel.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> frames = gj.plotting.allan_deviation_data(gj.allan_deviation(rec))
     """
     wv = adev.wv
     if regression is not None and not isinstance(wv, WaveletVariance):
@@ -177,7 +206,7 @@ def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | 
 def plot_allan_deviation(
     adev: AllanDeviation, *, regression: SlopeRegression | None = None, axes: GivenAxes | None = None
 ) -> Figure:
-    """Allan deviation over averaging time with its confidence band.
+    """Plot the Allan deviation over averaging time with its confidence band.
 
     Parameters
     ----------
@@ -187,6 +216,12 @@ def plot_allan_deviation(
         Slopes to draw, and the deviation they imply together; of one channel.
     axes
         An Axes for each unit to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> figure = gj.plotting.plot_allan_deviation(gj.allan_deviation(rec))
+    >>> figure.savefig("allan_deviation.png")
     """
     shown = allan_deviation_data(adev, regression=regression)
     figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))

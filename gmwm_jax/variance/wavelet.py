@@ -152,7 +152,7 @@ class AbstractWaveletVariance(Drawable):
 
 @dataclass(frozen=True, repr=False)
 class WaveletVariance(AbstractWaveletVariance):
-    """Haar wavelet variance of one channel, arrays of shape (J,); attributes as of `AbstractWaveletVariance`."""
+    """The Haar wavelet variance of one channel, in arrays of shape (J,), or of C channels, (J, C)."""
 
     def __post_init__(self) -> None:
         if np.ndim(self.variance) > 1:

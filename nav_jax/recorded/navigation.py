@@ -37,7 +37,7 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Navigation:
-    """An integrated navigation solution: row k of trajectory, sd and sensor_errors belongs to ``time[k]``.
+    """The result of `navigate`: an integrated navigation solution.
 
     At an epoch with fixes they are what the filter says after the update by all fixes of that epoch, also at the last
     epoch; what it said before that is in `before`. Estimate and standard deviation are always of the same side.
@@ -221,6 +221,20 @@ def navigate(
         another class.
     RuntimeError
         The filter failed, and ``throw``.
+
+    Examples
+    --------
+    >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))  # in place of a recorded drive
+    >>> rng = np.random.default_rng(0)
+    >>> imu = nj.Imu(samples.time, samples.gyro, samples.accel + rng.normal(0.0, 0.2, (200, 3)), 20.0)
+    >>> gnss = nj.GnssPosition(horizontal=0.02, vertical=0.02)
+    >>> fixes = nj.Fixes(gnss, exact.time[20::20], exact.position[20::20] + rng.normal(0.0, 0.02, (10, 3)))
+    >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+    >>> start["initial"] = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.1, attitude_sd=0.01)
+    >>> solution = nj.navigate(imu, [fixes], filter, **start)
+    >>> solution.status.name
+    'ok'
     """
     of_kind("initial", initial, InitialUncertainty)
     done = prepare_navigation(

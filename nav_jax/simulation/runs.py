@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Track(Estimates):
-    """What the filter made of one run at all its epochs, after the updates; `before` are those with fixes before them.
+    """One whole run at every epoch of the IMU: NED in m and m/s, quaternion from body to NED.
 
     The epochs are the start and the ends of all covariance steps.
     """
@@ -36,7 +36,7 @@ class Track(Estimates):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Runs(Drawable):
-    """Runs of one filter model along one reference: R runs, E epochs.
+    """The runs of one filter along one reference: R runs, E epochs.
 
     Attributes
     ----------
@@ -115,12 +115,12 @@ class Runs(Drawable):
 
     @property
     def num_good(self) -> int:
-        """How many these are."""
+        """Number of runs that are ok."""
         return int(np.count_nonzero(self.good))
 
     @property
     def num_failed(self) -> int:
-        """How many are left out of every statistic."""
+        """Number of runs that failed; they are left out of every statistic."""
         return len(self) - self.num_good
 
     @property
@@ -171,7 +171,7 @@ class Runs(Drawable):
 
     @classmethod
     def from_xarray(cls, dataset: "xarray.Dataset") -> "Runs":
-        """What `to_xarray` made."""
+        """Build the runs from the Dataset that `to_xarray` made."""
         fields = dataset_to_fields(dataset)
         tracks = {
             i: Track(**arrays, before=Estimates(**before)) for i, (arrays, before) in fields.pop("tracks").items()
