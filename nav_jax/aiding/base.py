@@ -146,7 +146,7 @@ class AbstractAiding(eqx.Module):
         return values
 
     def fixes(self, start: float, end: float) -> Float[np.ndarray, " F"]:
-        """Times of all fixes of a run, those in outages included.
+        """Return the times of all fixes of a run, those in outages included.
 
         Raises
         ------
@@ -170,12 +170,12 @@ class AbstractAiding(eqx.Module):
         return times
 
     def available(self, times: Float[np.ndarray, " F"]) -> np.ndarray:
-        """Which of the fixes lie outside the outages; the ends of an outage belong to it."""
+        """Return which of the fixes lie outside the outages; the ends of an outage belong to it."""
         inside = [(times > a - _TOLERANCE) & (times < b + _TOLERANCE) for a, b in self.outages]
         return ~np.any(inside, axis=0) if inside else np.ones(len(times), dtype=bool)
 
     def draw(self, num: int, keys: Key[Array, " R"]) -> Float[Array, "F K R"]:
-        """Noise of the first `num` fixes of each run, before it is mixed."""
+        """Draw the noise of the first `num` fixes of each run."""
         streams = [jax.vmap(lambda k, i=i: jax.random.fold_in(k, i))(keys) for i in range(len(self.noise))]
         return jnp.stack([draw(m, num, k) for m, k in zip(self.noise, streams, strict=True)], axis=1)
 

@@ -43,7 +43,7 @@ GAINS = ("estimate", "reference")
 
 
 class Experiment(eqx.Module):
-    """What all runs of a comparison share."""
+    """A prepared scenario: what all runs of a comparison share."""
 
     timeline: Timeline
     sensors: tuple[AbstractAiding, ...]
@@ -121,6 +121,13 @@ def prepare(scenario: Scenario, *, rate: Real) -> Experiment:
         Trajectory, aiding, start and Earth.
     rate
         Of the IMU in Hz.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> experiment = nj.filter.prepare(scenario, rate=20.0)
     """
     return Setup(scenario, rate).experiment
 
@@ -141,9 +148,17 @@ def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], ea
 
 @eqx.filter_jit
 def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys: Key[Array, " R"]) -> Inputs:
-    """Draw what R runs are given: initial errors, sensor errors, measurements. The same for every filter.
+    """Draw the inputs of R runs, the same for every filter: initial errors, sensor errors, measurements.
 
     Errors of the sensors that a model describes are drawn only when a filter comes to them (`emulation.DrawnErrors`).
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> experiment = nj.filter.prepare(scenario, rate=20.0)
+    >>> inputs = nj.filter.draw_inputs(experiment, truth, nj.filter.run_keys(jax.random.key(0), 0, 4))
     """
     timeline = experiment.timeline
     M, num_runs = timeline.pattern.shape[0], keys.shape[0]
@@ -175,7 +190,16 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
 
 @eqx.filter_jit
 def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, smooth: bool = False) -> Gains:
-    """Covariance and gains of a filter along the reference; more of it for `run_filter` with `trace` or `smooth`."""
+    """Compute covariance and gains of a filter along the reference; `smooth` adds what a smoother needs.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> experiment = nj.filter.prepare(scenario, rate=20.0)
+    >>> gains = nj.filter.gains_of(experiment, truth)
+    """
     bank = joined(filter.bank(), experiment.timeline.own)
     start = experiment.start._replace(x=jnp.zeros((len(bank.states), 1)))
     P = start_covariance(experiment.initial, bank)
@@ -192,7 +216,7 @@ def run_filter(
     trace: bool = False,
     smooth: bool = False,
 ) -> Outcome:
-    """Run a filter over R runs; with `gains` of the reference, or else each run with its own.
+    """Run a filter over R runs, with `gains` of the reference, or else each run with its own.
 
     Parameters
     ----------
@@ -208,6 +232,17 @@ def run_filter(
         Keep the estimate, and what is claimed of it, after every covariance step and every update, see `histories`.
     smooth
         Judge the estimate of the smoother, from all measurements of the run; innovations are those of the filter.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> experiment = nj.filter.prepare(scenario, rate=20.0)
+    >>> inputs = nj.filter.draw_inputs(experiment, truth, nj.filter.run_keys(jax.random.key(0), 0, 4))
+    >>> outcome = nj.filter.run_filter(experiment, truth, inputs)
+    >>> outcome.judgement.error.shape[-1]  # runs are the last axis
+    4
     """
     bank = joined(filter.bank(), experiment.timeline.own)
     num_runs = inputs.start.p.shape[1]
@@ -222,7 +257,13 @@ def run_filter(
 
 
 def run_keys(key: Key[Array, ""], first: int, last: int) -> Key[Array, " R"]:
-    """The keys of the runs first .. last - 1: a run has its key whatever the number of runs."""
+    """Return the keys of the runs first to last - 1: a run has its key whatever the number of runs.
+
+    Examples
+    --------
+    >>> nj.filter.run_keys(jax.random.key(0), 0, 4).shape
+    (4,)
+    """
     return jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(first, last, dtype=jnp.uint32))
 
 
