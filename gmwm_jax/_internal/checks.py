@@ -154,6 +154,8 @@ def typed_key(key: object) -> None:
 def as_float(value: object) -> jax.Array:
     """Return a float64 JAX array: a Python float in a pytree would retrace for every new value."""
     require_x64()
+    if isinstance(value, int | float | np.ndarray | np.generic):  # a conversion by JAX would be a program
+        value = np.asarray(value, dtype=np.float64)
     return jnp.asarray(value, dtype=jnp.float64)
 
 

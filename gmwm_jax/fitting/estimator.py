@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, concrete, confidence, require_x64, typed_key
+from gmwm_jax._internal.host import QUICKLY
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.result import Fit, Status
@@ -348,15 +349,14 @@ def _minimise_channels(
     def one(y: Any, whitener: Any) -> Solution:
         return minimise(layout, placements, nodes, Data(y, whitener, tau, bounds, shapes, amplitudes))
 
+    if len(y) == 1:  # one batch axis less to trace
+        return jax.tree.map(lambda leaf: leaf[None], one(y[0], whitener[0]))
     return jax.vmap(one)(y, whitener)
 
 
-# Six channels of WN + RW + 3*GM on two cores: 2.8 s to compile and 0.19 s to run without XLA's optimising passes, 3.7 s
-# and 0.10 s with them. The passes pay where many channels are fitted at once.
+# XLA's optimising passes halve the time to run, and pay where many channels are fitted at once.
 _FEW_CHANNELS = 8
-_compiled_quickly = jax.jit(
-    _minimise_channels, static_argnums=0, compiler_options={"xla_backend_optimization_level": 0}
-)
+_compiled_quickly = jax.jit(_minimise_channels, static_argnums=0, compiler_options=QUICKLY)
 _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.host import known
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting._start import lattice
 from gmwm_jax.fitting.outcome import Outcome
@@ -109,7 +110,7 @@ class Problem(NamedTuple):
         for i, p in enumerate(self.processes):
             shape, note = p.shape, Outcome.ESTIMATED
             if layout.free_shape[i]:
-                own = jnp.asarray(solution.coordinates[layout.position(i)])
+                own = solution.coordinates[layout.position(i)]
                 shape = tuple(float(s) for s in p.shape_from_coordinate(own))
                 limit = p.limit_of(shape, self.tau_max)
                 # where both parameters run off together, one that is held keeps the other
@@ -118,12 +119,12 @@ class Problem(NamedTuple):
             amplitude = float(solution.amplitudes[i])
             if amplitude == 0:
                 note = Outcome.ZERO
-            values = (*shape, p.value_of(jnp.asarray(amplitude)))
+            values = (*shape, p.value_of(amplitude))
             named = {q.name: v for q, v in zip(p.parameters, values, strict=True)}
             build: Any = type(p)
             fitted.append((build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()}), note))
 
-        times = [float(p.correlation_time(p.shape)) if p.shape else 0.0 for p, _ in fitted]
+        times = [float(p.correlation_time(known(*p.shape))) if p.shape else 0.0 for p, _ in fitted]
         placed = [fitted[i] for i in self._slots(times, [note is Outcome.ZERO for _, note in fitted])]
         model = Composite([p for p, _ in placed])
         return model, {label: note for label, (_, note) in zip(model.labels, placed, strict=True) if note}
@@ -134,8 +135,8 @@ class Problem(NamedTuple):
         for i, p in enumerate(self.processes):
             shape = p.shape
             if i < self.layout.num_shapes:
-                shape = p.shape_from_coordinate(jnp.asarray(solution.coordinates[:, self.layout.position(i)]))
-            values = [*shape, p.value_of(jnp.asarray(solution.amplitudes[:, i]))]
+                shape = p.shape_from_coordinate(solution.coordinates[:, self.layout.position(i)])
+            values = [*shape, p.value_of(solution.amplitudes[:, i])]
             columns.append(np.stack(np.broadcast_arrays(*map(np.asarray, values)), axis=1))
             times.append(np.broadcast_to(p.correlation_time(shape) if shape else 0.0, len(solution.objective)))
         time, gone = np.stack(times, axis=1), solution.amplitudes == 0

@@ -15,7 +15,7 @@ from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.outcome import Outcome
-from gmwm_jax.fitting.standard_errors import delta_method, estimator_derivatives, parameter_covariance
+from gmwm_jax.fitting.standard_errors import delta_method, estimator_derivatives, parameter_covariance, with_errors
 from gmwm_jax.fitting.tables import EstimateTable, LogQuantities, continuous_table, parameter_table
 from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -226,8 +226,9 @@ class Fit(Drawable):
     def _continuous(self, rate: float | None, *, datasheet: bool) -> EstimateTable:
         rate = sampling_rate(agreed_rate(self.rate, rate))
 
-        def errors(logs: Any) -> np.ndarray:
-            return np.asarray(delta_method(logs, self.model, self.active, self.covariance))
+        def errors(logs: Any) -> tuple[np.ndarray, np.ndarray]:
+            values, sd = with_errors(logs, self.model, self.active, self.covariance)
+            return np.asarray(values), np.asarray(sd)
 
         known = None if self.covariance is None else errors
         return continuous_table(self.model, rate, self.unit, datasheet=datasheet, errors=known, **self._at_level())

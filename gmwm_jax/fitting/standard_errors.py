@@ -15,6 +15,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
+from gmwm_jax._internal.host import QUICKLY, known, namespace
 from gmwm_jax.processes.base import Composite
 
 _RANK_TOLERANCE = 1e-8
@@ -45,10 +46,11 @@ def parameter_covariance(
         Covariance of the wavelet variance, shape (J, J).
     """
     at = np.asarray(active, dtype=int)
-    return _parameter_covariance(model, _mask(model, active), tau, whitener, V)[np.ix_(at, at)]
+    (whole,) = known(_parameter_covariance(model, _mask(model, active), tau, whitener, V))
+    return whole[np.ix_(at, at)]
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=QUICKLY)
 def _parameter_covariance(model: Composite, active: Any, tau: Any, whitener: Any, V: Any) -> Float[Array, "Q Q"]:
     B, lost = _estimator(_wv_jacobian(model, active, tau), whitener)
     return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
@@ -117,22 +119,37 @@ def delta_method(
     -------
     The standard error of each entry of the vector; NaN where it depends on a parameter that has none.
     """
+    return with_errors(quantity, model, active, covariance)[1]
+
+
+def with_errors(
+    quantity: Callable[[Composite], Array],
+    model: Composite,
+    active: tuple[int, ...],
+    covariance: Any,
+) -> tuple[Float[Array, " Q"], Float[Array, " Q"]]:
+    """The values of functions of the model and their standard errors, in one program; see `delta_method`."""
     at = np.asarray(active, dtype=int)
     num = model.num_parameters
-    whole = jnp.zeros((num, num)).at[np.ix_(at, at)].set(covariance)
+    # each row and column of all parameters from those of the active ones, or from a row of zeros
+    place = np.full(num, len(at))
+    place[at] = np.arange(len(at))
+    whole = namespace(covariance).pad(covariance, (0, 1))[np.ix_(place, place)]
     return _delta_method(quantity, model, _mask(model, active), whole)
 
 
-@partial(jax.jit, static_argnums=0)
-def _delta_method(quantity: Any, model: Composite, active: Any, covariance: Any) -> Float[Array, " R"]:
+@partial(jax.jit, static_argnums=0, compiler_options=QUICKLY)
+def _delta_method(
+    quantity: Any, model: Composite, active: Any, covariance: Any
+) -> tuple[Float[Array, " R"], Float[Array, " R"]]:
     J = _jacobian(quantity, model, active)
     lost = jnp.isnan(jnp.diagonal(covariance))
-    known = jnp.where(lost[:, None] | lost[None, :], 0.0, covariance)
-    error = jnp.sqrt(jnp.sum((J @ known) * J, axis=1))
-    return jnp.where(jnp.any((J != 0) & lost[None, :], axis=1), jnp.nan, error)
+    found = jnp.where(lost[:, None] | lost[None, :], 0.0, covariance)
+    error = jnp.sqrt(jnp.sum((J @ found) * J, axis=1))
+    return quantity(model), jnp.where(jnp.any((J != 0) & lost[None, :], axis=1), jnp.nan, error)
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jax.jit, static_argnums=0, compiler_options=QUICKLY)
 def evaluate(quantity: Callable[[Composite], Array], model: Composite) -> Array:
     """Value of a (hashable) function of the model, compiled as a whole."""
     return quantity(model)

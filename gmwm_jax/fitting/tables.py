@@ -133,7 +133,7 @@ def continuous_table(
     datasheet: bool = False,
     z: float = np.nan,
     level: float = 0.95,
-    errors: Callable[["LogQuantities"], np.ndarray] | None = None,
+    errors: Callable[["LogQuantities"], tuple[np.ndarray, np.ndarray]] | None = None,
     boundary: Mapping[str, Outcome] | None = None,
 ) -> EstimateTable:
     """Tabulate the continuous-time quantities of a model, in SI or in the units of datasheets.
@@ -151,7 +151,7 @@ def continuous_table(
     z, level, boundary
         As of `parameter_table`.
     errors
-        Standard errors of the logs of quantities; without it there are no intervals.
+        The logs of quantities and their standard errors; without it there are no intervals.
 
     Returns
     -------
@@ -174,8 +174,11 @@ def continuous_table(
     units_.require_si(unit)
     f = sampling_rate(rate)
     logs = LogQuantities.of(model, f)
-    values = np.exp(np.asarray(evaluate(logs, model)))
-    spread = np.full_like(values, np.nan) if errors is None else z * errors(logs)
+    if errors is None:
+        values, sd = np.asarray(evaluate(logs, model)), np.nan
+    else:
+        values, sd = errors(logs)
+    values, spread = np.exp(values), np.broadcast_to(z * sd, values.shape)
     estimates, remarks, at = [], [], -1
     for label, p in zip(model.labels, model.processes, strict=True):
         form = p.continuous

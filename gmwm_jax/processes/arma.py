@@ -19,6 +19,7 @@ from jax import lax
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import concrete, integer, spans
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes._maths import doubling as _doubling
 from gmwm_jax.processes._maths.arma_covariance import haar_covariance
@@ -179,21 +180,23 @@ class AbstractArma(AbstractProcess):
     @classmethod
     def shape_from_coordinate(cls, coordinate):
         """From the partial autocorrelations tanh(z/2), those of the moving average with its sign."""
-        z = [coordinate] if cls.num_coordinates == 1 else jnp.moveaxis(jnp.asarray(coordinate), -1, 0)
-        phi, theta = cls._parts([jnp.tanh(x / 2) for x in z])
+        xp = namespace(coordinate)
+        z = [coordinate] if cls.num_coordinates == 1 else xp.moveaxis(xp.asarray(coordinate), -1, 0)
+        phi, theta = cls._parts([xp.tanh(x / 2) for x in z])
         return (*coefficients(phi), *(-c for c in coefficients([-t for t in theta])))
 
     @classmethod
     def coordinate_from_shape(cls, shape):
         """Inverse of `shape_from_coordinate`."""
         z = cls._coordinates(shape)
-        return z[0] if cls.num_coordinates == 1 else jnp.stack(z, axis=-1)
+        return z[0] if cls.num_coordinates == 1 else namespace(*z).stack(z, axis=-1)
 
     @classmethod
     def _coordinates(cls, shape: Any) -> list[Any]:
         phi, theta = cls._parts(shape)
         r = [*partial_autocorrelations(phi), *(-t for t in partial_autocorrelations([-t for t in theta]))]
-        return [2 * jnp.arctanh(jnp.asarray(x)) for x in r]
+        xp = namespace(*r)
+        return [2 * xp.arctanh(xp.asarray(x)) for x in r]
 
     @classmethod
     def to_lines(cls, values):
@@ -279,7 +282,7 @@ def partial_autocorrelations(phi: list[Any]) -> list[Any]:
 
 def _less(a: Any, r: Any, b: Any) -> Any:
     """A - r b without cancellation where a = b or a = -b and r is near 1 or -1, as of two coefficients."""
-    return jnp.where(r > 0, (a - b) + (1 - r) * b, (a + b) - (1 + r) * b)
+    return namespace(a, r, b).where(r > 0, (a - b) + (1 - r) * b, (a + b) - (1 + r) * b)
 
 
 def _roots(phi: Float[np.ndarray, "... p"]) -> Any:

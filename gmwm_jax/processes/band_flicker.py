@@ -26,6 +26,7 @@ import numpy as np
 from jax import Array, lax
 from jaxtyping import Float
 
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths import power_law as _power_law
 from gmwm_jax.processes._maths.circulant import draw_stationary
@@ -135,11 +136,11 @@ class FLK(AbstractProcess):
 
     @classmethod
     def shape_from_coordinate(cls, coordinate):  # noqa: D102
-        return (jnp.exp(coordinate),)
+        return (namespace(coordinate).exp(coordinate),)
 
     @classmethod
     def coordinate_from_shape(cls, shape):  # noqa: D102
-        return jnp.log(shape[0])
+        return namespace(*shape).log(*shape)
 
     @classmethod
     def coordinate_bounds(cls, tau_max):  # noqa: D102

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import AllanLine, ContinuousForm, Quantity
@@ -57,8 +58,8 @@ class DR(AbstractProcess):
 
     @staticmethod
     def value_of(amplitude: Any) -> Any:  # noqa: D102
-        positive = amplitude > 0
-        return jnp.where(positive, jnp.sqrt(jnp.where(positive, amplitude, 1.0)), 0.0)
+        xp, positive = namespace(amplitude), amplitude > 0
+        return xp.where(positive, xp.sqrt(xp.where(positive, amplitude, 1.0)), 0.0)
 
     @classmethod
     def unit_wavelet_variance(cls, shape, tau):  # noqa: D102

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 
 from gmwm_jax._internal.checks import as_float, integer, positive
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths import power_law as _power_law
 from gmwm_jax.processes._maths.circulant import draw_stationary
@@ -71,8 +72,8 @@ class BI(AbstractProcess):
 
     @staticmethod
     def value_of(amplitude: Any) -> Any:  # noqa: D102
-        positive = amplitude > 0
-        return jnp.where(positive, jnp.sqrt(jnp.where(positive, amplitude, 1.0)), 0.0)
+        xp, positive = namespace(amplitude), amplitude > 0
+        return xp.where(positive, xp.sqrt(xp.where(positive, amplitude, 1.0)), 0.0)
 
     @classmethod
     def unit_wavelet_variance(cls, shape, tau):  # noqa: D102

@@ -9,6 +9,7 @@ from jax import Array
 from jax.scipy.special import gamma
 from jaxtyping import Float
 
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths import power_law as _power_law
 from gmwm_jax.processes._maths.circulant import draw_stationary
@@ -101,11 +102,12 @@ class FGN(AbstractProcess):
 
     @classmethod
     def shape_from_coordinate(cls, coordinate):  # noqa: D102
-        return (1 / (1 + jnp.exp(-coordinate)),)
+        return (1 / (1 + namespace(coordinate).exp(-coordinate)),)
 
     @classmethod
     def coordinate_from_shape(cls, shape):  # noqa: D102
-        return jnp.log(shape[0]) - jnp.log1p(-shape[0])
+        xp = namespace(*shape)
+        return xp.log(shape[0]) - xp.log1p(-shape[0])
 
     @classmethod
     def coordinate_bounds(cls, tau_max):  # noqa: D102
@@ -128,7 +130,7 @@ class FGN(AbstractProcess):
     @classmethod
     def correlation_time(cls, shape):
         """Infinite: the correlation is a power of the lag."""
-        return jnp.full_like(shape[0], jnp.inf)
+        return namespace(*shape).full_like(shape[0], math.inf)
 
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
         self.require_complete()

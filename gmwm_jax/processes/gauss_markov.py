@@ -31,6 +31,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes._maths.haar import gap, second_differences
 from gmwm_jax.processes._maths.recursion import first_order_recursion
@@ -167,11 +168,11 @@ class GM(AbstractProcess):
 
     @classmethod
     def shape_from_coordinate(cls, coordinate):  # noqa: D102
-        return (jnp.exp(coordinate),)
+        return (namespace(coordinate).exp(coordinate),)
 
     @classmethod
     def coordinate_from_shape(cls, shape):  # noqa: D102
-        return jnp.log(shape[0])
+        return namespace(*shape).log(*shape)
 
     @classmethod
     def coordinate_bounds(cls, tau_max):  # noqa: D102
@@ -294,11 +295,11 @@ class AR1(AbstractProcess):
 
     @classmethod
     def shape_from_coordinate(cls, coordinate):  # noqa: D102
-        return (jnp.tanh(coordinate / 2),)
+        return (namespace(coordinate).tanh(coordinate / 2),)
 
     @classmethod
     def coordinate_from_shape(cls, shape):  # noqa: D102
-        return 2 * jnp.arctanh(shape[0])
+        return 2 * namespace(*shape).arctanh(*shape)
 
     @classmethod
     def coordinate_bounds(cls, tau_max):  # noqa: D102
@@ -320,8 +321,8 @@ class AR1(AbstractProcess):
 
     @classmethod
     def correlation_time(cls, shape):  # noqa: D102
-        (phi,) = shape
-        return -1 / jnp.log(jnp.maximum(jnp.abs(phi), 1e-300))
+        xp = namespace(*shape)
+        return -1 / xp.log(xp.maximum(xp.abs(*shape), 1e-300))
 
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:  # noqa: D102
         self.require_complete()

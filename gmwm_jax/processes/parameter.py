@@ -4,9 +4,9 @@ import enum
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 
 from gmwm_jax._internal.checks import as_float, concrete
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import Scalar
 
 
@@ -49,14 +49,18 @@ class Parameter(NamedTuple):
 
     def to_line(self, value: Any) -> Any:
         """Map the interval to the real line: log, or logit where it is bounded on both sides."""
-        below = jnp.log(value - self.lower)
-        return below if self.upper == float("inf") else below - jnp.log(self.upper - value)
+        xp = namespace(value)
+        (value,) = known(value)
+        below = xp.log(value - self.lower)
+        return below if self.upper == float("inf") else below - xp.log(self.upper - value)
 
     def from_line(self, x: Any) -> Any:
         """Inverse of `to_line`."""
+        xp = namespace(x)
+        (x,) = known(x)
         if self.upper == float("inf"):
-            return self.lower + jnp.exp(x)
-        return self.lower + (self.upper - self.lower) / (1 + jnp.exp(-x))
+            return self.lower + xp.exp(x)
+        return self.lower + (self.upper - self.lower) / (1 + xp.exp(-x))
 
 
 class Fixed(eqx.Module):

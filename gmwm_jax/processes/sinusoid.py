@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.typing import PRNGKey, Scalar
 from gmwm_jax.processes.base import AbstractProcess
 from gmwm_jax.processes.continuous_form import ContinuousForm, Quantity
@@ -90,11 +91,12 @@ class SIN(AbstractProcess):
 
     @classmethod
     def shape_from_coordinate(cls, coordinate):  # noqa: D102
-        return (math.pi / (1 + jnp.exp(-coordinate)),)
+        return (math.pi / (1 + namespace(coordinate).exp(-coordinate)),)
 
     @classmethod
     def coordinate_from_shape(cls, shape):  # noqa: D102
-        return jnp.log(shape[0]) - jnp.log(math.pi - shape[0])
+        log = namespace(*shape).log
+        return log(shape[0]) - log(math.pi - shape[0])
 
     @classmethod
     def coordinate_bounds(cls, tau_max):  # noqa: D102
