@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float
-from scipy.optimize import nnls
 
 from gmwm_jax._internal.checks import as_float, integer, positive
 from gmwm_jax._internal.host import namespace
@@ -135,6 +134,8 @@ def flicker_ladder(B: Any, low: float, high: float, num: int) -> Composite:
     >>> bool(abs(ladder.psd(1e-3) / gj.BI(B=1.0).psd(1e-3) - 1) < 0.08)
     True
     """
+    from scipy.optimize import nnls
+
     num = integer("num", num, 2)
     positive("B", B, zero_ok=True)
     if not 0 < low < high <= 0.1:

@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import median_filter
 from scipy.special import ndtri
 
 from gmwm_jax._internal.text_table import format_table, number
@@ -170,6 +169,8 @@ def mask_outliers(recording: Any, *, chance: float = 0.05, max_share: float = 0.
 
 def _sizes(x: Float[np.ndarray, " N"], chance: float) -> tuple[Float[np.ndarray, " N"], float]:
     """How far out each outlier is, in scales (zero for other samples), and the lowest threshold."""
+    from scipy.ndimage import median_filter
+
     present = ~np.isnan(x)
     at = np.arange(len(x))
     filled = x if np.all(present) else np.interp(at, at[present], x[present])

@@ -22,7 +22,7 @@ from gmwm_jax.variance.covariance import require_no_mean, wv_covariance
 from gmwm_jax.variance.gap_covariance import gap_covariance
 from gmwm_jax.variance.gaps import find_pairs, gap_wavelet_variance, variance_by_pairs
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, haar_dwt_variance
-from gmwm_jax.variance.robust import biweight, robust_wavelet_variance, widening
+from gmwm_jax.variance.robust import require_efficiency, robust_wavelet_variance, widening
 
 _PARTS = 16
 """In which simulated records with gaps are worked on: transforms take more memory than the records."""
@@ -200,7 +200,7 @@ class Robust(AbstractEstimator):
     replicates_records: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        biweight(self.efficiency)
+        require_efficiency(self.efficiency)
 
     @property
     def name(self) -> str:

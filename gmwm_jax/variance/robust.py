@@ -34,7 +34,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Shaped
-from scipy.optimize import brentq
 
 from gmwm_jax._internal.checks import finite_record
 from gmwm_jax._internal.cores import num_threads
@@ -71,6 +70,15 @@ class Biweight(NamedTuple):
     """Coefficients of p, constant first."""
 
 
+def require_efficiency(efficiency: float) -> None:
+    """Raise a ValueError unless it is an efficiency on offer."""
+    if not isinstance(efficiency, Real) or not LOWEST <= efficiency <= HIGHEST:
+        raise ValueError(
+            f"efficiency must be a number between {LOWEST:g} and {HIGHEST:g}, and is {efficiency!r}: a lower one "
+            "resists outliers less, a higher one hardly. None is the classic estimator."
+        )
+
+
 @lru_cache
 def biweight(efficiency: float) -> Biweight:
     """Return the constants of an efficiency, to rounding.
@@ -80,11 +88,9 @@ def biweight(efficiency: float) -> Biweight:
     ValueError
         An efficiency that is not between 0.5 and 0.99.
     """
-    if not isinstance(efficiency, Real) or not LOWEST <= efficiency <= HIGHEST:
-        raise ValueError(
-            f"efficiency must be a number between {LOWEST:g} and {HIGHEST:g}, and is {efficiency!r}: a lower one "
-            "resists outliers less, a higher one hardly. None is the classic estimator."
-        )
+    from scipy.optimize import brentq
+
+    require_efficiency(efficiency)
     # efficient from zero at c = 2.395 (where c_2 = 0) up to 0.9996 at c = 30, all the way rising
     c = float(brentq(lambda c: _expansion(c)[2] - efficiency, 2.6, 30.0, xtol=1e-14, rtol=1e-15))  # type: ignore[arg-type]
     consistency, ratios, reached = _expansion(c)
