@@ -84,7 +84,11 @@ class Problem(NamedTuple):
         """The lattice, and once more with the starting values that the model gives."""
         searched = self.searched
         placements, nodes = lattice(tuple(type(p) for p in searched), self.tau_max, key)
-        given = {k: np.asarray(p.coordinate_from_shape(p.shape)) for k, p in enumerate(searched) if None not in p.shape}
+        given = {
+            k: np.asarray(p.coordinate_from_shape(known(*p.shape)))
+            for k, p in enumerate(searched)
+            if None not in p.shape
+        }
         if given:
             moved = placements.copy()
             for k, coordinates in given.items():
@@ -94,7 +98,7 @@ class Problem(NamedTuple):
 
     def starts_near(self) -> Float[np.ndarray, "S C"]:
         """Starts around the coordinates of the model itself."""
-        at = [np.zeros(0), *(np.atleast_1d(p.coordinate_from_shape(p.shape)) for p in self.searched)]
+        at = [np.zeros(0), *(np.atleast_1d(p.coordinate_from_shape(known(*p.shape))) for p in self.searched)]
         return self.starts_around(np.concatenate(at))
 
     def starts_around(self, at: Float[np.ndarray, " C"]) -> Float[np.ndarray, "S C"]:

@@ -28,7 +28,7 @@ def parameter_covariance(
     tau: Any,
     whitener: Any,
     V: Any,
-) -> Float[Array, "P P"]:
+) -> Float[Array | np.ndarray, "P P"]:
     """Sandwich covariance of the active parameters on the real line; NaN for those that data cannot tell apart.
 
     Parameters

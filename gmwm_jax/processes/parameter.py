@@ -49,15 +49,15 @@ class Parameter(NamedTuple):
 
     def to_line(self, value: Any) -> Any:
         """Map the interval to the real line: log, or logit where it is bounded on both sides."""
-        xp = namespace(value)
         (value,) = known(value)
+        xp = namespace(value)
         below = xp.log(value - self.lower)
         return below if self.upper == float("inf") else below - xp.log(self.upper - value)
 
     def from_line(self, x: Any) -> Any:
         """Inverse of `to_line`."""
-        xp = namespace(x)
         (x,) = known(x)
+        xp = namespace(x)
         if self.upper == float("inf"):
             return self.lower + xp.exp(x)
         return self.lower + (self.upper - self.lower) / (1 + xp.exp(-x))
