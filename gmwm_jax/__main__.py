@@ -1,23 +1,11 @@
 """``python -m gmwm_jax`` and the command ``gmwm-jax``."""
 
-import sys
+from gmwm_jax._internal.entry import run_command_line
 
 
 def main() -> None:
-    """Turn on 64-bit floats and run the command line."""
-    import jax
-
-    from gmwm_jax._internal.interrupts import leave_when_deaf
-
-    jax.config.update("jax_enable_x64", True)
-    try:
-        from gmwm_jax.app.cli import app
-    except ModuleNotFoundError as error:
-        if error.name != "typer":
-            raise
-        sys.exit(f'The command line needs the package {error.name}: pip install "gmwm-jax[app]".')
-    leave_when_deaf()
-    app()
+    """Run the command line."""
+    run_command_line("gmwm_jax.app.cli", ("typer",))
 
 
 if __name__ == "__main__":

@@ -37,10 +37,8 @@ def open_source(source: Any, how: Reading | None = None) -> Columns:
 
     Raises
     ------
-    FileNotFoundError
-        No such file.
-    ImportError
-        The format needs the extra ``io``.
+    FileNotFoundError, ImportError
+        There is no such file, or its format needs the extra ``io``.
     ValueError
         A corrupt file or one of an unknown kind; an array that is no table.
     """

@@ -144,12 +144,12 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
 
     Returns
     -------
-    `path`.
+    The path of the file.
 
     Raises
     ------
     ValueError
-        The path does not end in ``.npz``.
+        `path` ends in another suffix.
 
     Examples
     --------
