@@ -1,6 +1,9 @@
 """What the doors return is known to a type checker: this file is checked by pyright, and by its tests."""
 
-from typing import TYPE_CHECKING, assert_type, get_overloads, get_type_hints
+import ast
+import inspect
+from pathlib import Path
+from typing import TYPE_CHECKING, assert_type
 
 import numpy as np
 import pytest
@@ -32,9 +35,12 @@ if TYPE_CHECKING:
 
 @pytest.mark.parametrize("door", [fit, select, fit_records])
 def test_no_overload_returns_anything(door):
-    returned = [get_type_hints(o)["return"] for o in get_overloads(door)]
-    assert len(returned) == 3
-    assert not any("Any" in str(r) for r in returned)
+    """Read from the source: the tests run under a hook that wraps functions."""
+    tree = ast.parse(Path(inspect.getfile(inspect.unwrap(door))).read_text())
+    doors = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == door.__name__]
+    returned = [ast.unparse(node.returns) for node in doors if node.returns]
+    assert len(returned) == 4  # one channel, several, what is known when it runs, and the body
+    assert not any("Any" in text for text in returned)
 
 
 def test_the_classes_are_those_of_one_channel_and_of_several():
