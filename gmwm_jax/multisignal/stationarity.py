@@ -158,7 +158,7 @@ def _draws(joint: JointFit, route: str) -> list[Callable[[Any], np.ndarray]]:
     if np.any(joint.fit.fitted <= 0):
         raise ValueError(f"{joint.model} has no variance at some scale: there is nothing to replicate.")
     if route == RECORDS:
-        if not joint.wv.estimator.replicates_records:
+        if not all(r.wv.estimator.replicates_records for r in joint.records):
             raise ValueError(f'A robust wavelet variance is replicated by route="{VARIANCES}", whose theory knows it.')
         return [record_draws(joint.model, r.wv) for r in joint.records]
     if joint.record_covariances is None:

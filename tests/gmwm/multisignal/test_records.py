@@ -89,7 +89,7 @@ def test_weights_are_those_of_each_record(records, joint):
     for r, wv in zip(first.records, records, strict=True):
         np.testing.assert_allclose(r.omega, np.diag((wv.ci_high - wv.ci_low) ** -2.0), rtol=1e-12)
     for r, wv in zip(joint.records, records, strict=True):
-        width = (wv.ci_high - wv.ci_low) / wv.variance * first.fitted[: wv.num_scales]
+        width = (wv.ci_high - wv.ci_low) / wv.variance * first.fit.fitted[: wv.num_scales]
         np.testing.assert_allclose(r.omega, np.diag(width**-2.0), rtol=1e-8)
     best = gj.fit_records(records, "WN + GM", weights="covariance")
     for r, wv in zip(best.records, records, strict=True):
@@ -118,7 +118,7 @@ def test_equal_records_divide_the_variance(records):
     """R records of a length with weights of a kind: the covariance of one, over R."""
     equal = gj.fit_records(records[:3], "WN + GM", weights="two-step")
     one = replace(equal.records[0])
-    np.testing.assert_allclose(equal.covariance, one.covariance / 3, rtol=1e-6)
+    np.testing.assert_allclose(equal.fit.covariance, one.covariance / 3, rtol=1e-6)
     single, pair = gj.fit(records[0], "WN + GM"), gj.fit_records([records[0]] * 2, "WN + GM")
     assert pair.objective == pytest.approx(2 * single.objective, rel=1e-9)
     np.testing.assert_allclose(values(pair.model), values(single.model), rtol=1e-5)
@@ -164,7 +164,7 @@ def test_tables_and_text(records, joint):
     plain = joint.to_dict()
     assert [r["num_samples"] for r in plain["records"]] == list(LENGTHS)
     assert sum(r["objective"] for r in plain["records"]) == pytest.approx(plain["objective"])
-    assert gj.goodness_of_fit(joint).p_value > 1e-3
+    assert gj.goodness_of_fit(joint.fit).p_value > 1e-3
     named = [replace(wv, name=f"unit {i}") for i, wv in enumerate(records)]
     assert gj.fit_records(named, "WN + GM").names == ("unit 0", "unit 1", "unit 2", "unit 3")
 
@@ -175,7 +175,7 @@ def test_without_theory_there_are_no_intervals(records):
         for wv in records
     ]
     fit = gj.fit_records(bare, "WN + GM")
-    assert fit.covariance is None
+    assert fit.fit.covariance is None
     assert fit.weights_efficiency() is None
     assert "No intervals" in str(fit)
     for call in (gj.multisignal.compare_records, lambda j: gj.multisignal.near_stationarity(j, key=jax.random.key(1))):
@@ -195,7 +195,7 @@ def test_several_channels(records):
     assert list(fits) == ["gyro_x", "accel_x"]
     alone = gj.fit_records([gj.wavelet_variance(r)["accel_x"] for r in both], "RW")
     assert fits["accel_x"].objective == pytest.approx(alone.objective, rel=1e-9)
-    assert fits["accel_x"].unit == "m/s^2"
+    assert fits["accel_x"].fit.unit == "m/s^2"
     assert len(fits.plot().axes) == 4
     assert [f.title for f in gj.plotting.joint_fits_data(fits)[::2]] == [ax.get_title() for ax in fits.plot().axes[::2]]
     with pytest.raises(TypeError, match=r"compare_records\(\) takes one channel, as in joint\['gyro_x'\]"):
