@@ -53,6 +53,7 @@ class RecordSection(Section):
     columns: Columns | None = None
     time_unit: str | None = None
     delimiter: str | None = None
+    header: int | None = None
     variable: str | None = None
     position: Annotated[tuple[Length, Length, Length], Field(strict=False)] = (0.0, 0.0, 0.0)
     velocity: Annotated[tuple[Speed, Speed, Speed], Field(strict=False)]
@@ -71,12 +72,13 @@ class FixesSection(Aiding):
     columns: Columns | None = None
     time_unit: str | None = None
     delimiter: str | None = None
+    header: int | None = None
     variable: str | None = None
 
     def read(self, folder: Path, origin: Sequence[float] | None) -> Fixes:  # noqa: D102
         if self.model_fields_set & {"rate", "first"}:
             raise ValueError("rate and first follow from the times of the file: leave them out.")
-        how = ("angles", "columns", "time_unit", "delimiter", "variable")
+        how = ("angles", "columns", "time_unit", "delimiter", "header", "variable")
         sensor = self.sensor(**self.given("type", "file", *how))  # type: ignore[call-arg]
         options = {k: getattr(self, k) for k in how if k in self.model_fields_set}
         return read_fixes(folder / self.file, sensor, origin=origin, **options)

@@ -119,6 +119,7 @@ class TrajectoryFile(Section):
     time_unit: str | None = None
     origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
     delimiter: str | None = None
+    header: int | None = None
     variable: str | None = None
     smooth: Time | None = None
     smooth_attitude: Time | None = None

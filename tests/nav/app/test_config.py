@@ -176,6 +176,9 @@ def test_a_trajectory_from_a_file(write, tmp_path):
     old = 'motion = "lemniscate"\nduration = "0.1 min"\nsize = "20 m"'
     read = read_config(write(by={old: 'file = "flight.csv"'})).scenario.reference
     np.testing.assert_allclose(read.position, reference.position, atol=1e-12)
+    (tmp_path / "logger.csv").write_text("Logger 7\nof 2026\n" + (tmp_path / "flight.csv").read_text())
+    below = read_config(write(by={old: 'file = "logger.csv"\nheader = 3'})).scenario.reference
+    np.testing.assert_array_equal(below.position, read.position)
     smooth = read_config(write(by={old: 'file = "flight.csv"\nsmooth = "500 ms"'})).scenario.reference
     np.testing.assert_array_equal(smooth.position, read.smoothed(0.5).position)
     assert np.abs(smooth.position - read.position).max() > 0
