@@ -20,7 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gmwm_jax import Composite, datasets, read_recording
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import as_float, concrete, of_kind, positive, sampling_rate
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
 from nav_jax.imu.bank import SensorBank
@@ -99,7 +101,8 @@ class ImuErrors(eqx.Module):
         if start not in ("stationary", "zero"):
             raise ValueError(f'start is "stationary" or "zero", and is {start!r}.')
         self.models = tuple(as_model(m, channel) for m, channel in zip(given, CHANNELS, strict=True))
-        self.bias_sd = jnp.concatenate([_three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd)])
+        bias_sd = known(_three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd))
+        self.bias_sd = as_float(namespace(*bias_sd).concatenate(bias_sd))
         seen = concrete(self.bias_sd)
         self.biased = tuple(range(len(CHANNELS))) if seen is None else tuple(int(i) for i in np.flatnonzero(seen))
         self.deterministic = tuple(deterministic)
@@ -298,9 +301,8 @@ def _axes(by_channel: Mapping[str, Any], sensor: str, source: Any) -> list[Any]:
 
 
 def _per_axis(sensor: str, given: Any) -> list[Any]:
-    fits = getattr(given, "fits", None)
-    if fits is not None:
-        given = fits
+    if isinstance(given, Channels):
+        given = list(given.values())
     elif isinstance(given, Mapping):
         unknown = sorted(set(given) - set("xyz"))
         if unknown or len(given) != 3:
@@ -315,12 +317,13 @@ def _per_axis(sensor: str, given: Any) -> list[Any]:
     return [given] * 3
 
 
-def _three(name: str, value: Any) -> Float[Array, "3"]:
+def _three(name: str, value: Any) -> Float[Array | np.ndarray, "3"]:
     positive(name, value, zero_ok=True)
     value = as_float(value)
     if value.shape not in ((), (3,)):
         raise ValueError(f"{name} is one number or three, and has the shape {value.shape}.")
-    return jnp.broadcast_to(value, (3,))
+    (value,) = known(value)
+    return namespace(value).broadcast_to(value, (3,))
 
 
 def resampled(model: Composite, old: Real, new: Real) -> Composite:
