@@ -177,8 +177,8 @@ def test_text_and_json(data, selection):
     assert out["recommended"] == selection.recommended.name
     assert len(out["candidates"]) == 15
     several = gj.fitting.Channels({"a": selection, "b": selection})
-    assert list(several) == ["0", "0"]
-    assert several["0"] is several[1] is selection
+    assert list(several) == ["a", "b"]
+    assert several["a"] is several[1] is selection
     assert "Model selections, of 15 models each" in repr(several)
     with pytest.raises(KeyError, match="No channel '7'"):
         several["7"]
