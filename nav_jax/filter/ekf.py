@@ -16,6 +16,7 @@ from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics import strapdown
+from nav_jax.kinematics.earth import Gravity
 from nav_jax.kinematics.linalg import symmetrise
 from nav_jax.kinematics.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from nav_jax.kinematics.state import NavState
@@ -36,11 +37,11 @@ def mechanise(
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
-    g_n: Float[Array, "3 1"],
+    gravity: Gravity,
 ) -> NavState:
     """Advance the estimate by the n pieces of one covariance step, without the covariance."""
     for i in range(len(dt)):
-        state, _ = _piece(state, imu[i], dt[i], ends[i], bank, g_n)
+        state, _ = _piece(state, imu[i], dt[i], ends[i], bank, gravity.at(state.p))
     return state
 
 
@@ -50,7 +51,7 @@ def mechanise_with_motion(
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
-    g_n: Float[Array, "3 1"],
+    gravity: Gravity,
     *,
     with_reading: bool = False,
 ) -> tuple[NavState, Motion]:
@@ -62,26 +63,34 @@ def mechanise_with_motion(
     first, T = state, jnp.sum(dt)
     C = dcm_from_quat(state.q)
     C_sum = jnp.zeros_like(C)
+    # integrals of gravity, to be accumulated where it differs from piece to piece
+    falls = None if gravity.constant is not None else (jnp.zeros_like(first.v), jnp.zeros_like(first.v))
 
     def piece(carry, inputs):
-        state, C, C_sum, reading = carry
+        state, C, C_sum, reading, falls = carry
         sample, length, end = inputs
+        g_n = gravity.at(state.p)
         state, sensed = _piece(state, sample, length, end, bank, g_n)
         C_next = dcm_from_quat(state.q)
         reading = None if reading is None else reading + length * sensed
-        return (state, C_next, C_sum + length / 2 * (C + C_next), reading), None
+        if falls is not None:
+            falls = falls[0] + length * g_n, falls[1] + length * falls[0] + length**2 / 2 * g_n
+        return (state, C_next, C_sum + length / 2 * (C + C_next), reading, falls), None
 
-    carry = (state, C, C_sum, jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None)
+    carry = (state, C, C_sum, jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None, falls)
     if len(dt) == 1:
-        (state, _, C_sum, reading), _ = piece(carry, (imu[0], dt[0], ends[0]))
+        (state, _, C_sum, reading, falls), _ = piece(carry, (imu[0], dt[0], ends[0]))
     else:
-        (state, _, C_sum, reading), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
+        (state, _, C_sum, reading, falls), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
     # an empty step has no mean, and needs none: everything it multiplies is zero
     inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
     mean = C_sum * inverse
-    S_1 = state.v - first.v - T * g_n
-    S_2 = state.p - first.p - T * first.v - T**2 / 2 * g_n
-    return state, Motion(mean, S_1, S_2, None if reading is None else reading * inverse)
+    g_n = gravity.at(first.p)
+    once, twice = (T * g_n, T**2 / 2 * g_n) if falls is None else falls
+    S_1 = state.v - first.v - once
+    S_2 = state.p - first.p - T * first.v - twice
+    gradient = gravity.gradient((first.p + state.p) / 2)
+    return state, Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient)
 
 
 def _piece(state, sample, dt, ends, bank, g_n):

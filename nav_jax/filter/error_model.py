@@ -15,6 +15,9 @@ over the step, where x is the error of the sensor states, and
 with L = (T S_1 - S_2)/T. This is the transition to second order in the rotation within the step and to the second
 integral of the sensor errors; E, the integral of a Markov state over the step, is exact (`sensor_bank`).
 
+Where gravity is not the same everywhere, its gradient Gamma adds T Gamma p + T^2/2 Gamma v to v and T^2/2 Gamma p to p,
+and what the specific force makes of v and p is without the gravity that was met on the way.
+
 Covariance blocks: N (navigation), S (navigation with sensor states), B (sensor states); runs are the last axis.
 """
 
@@ -45,6 +48,8 @@ class Motion(NamedTuple):
     S_2: Float[Array, "3 R"]
     reading: Float[Array, "ch R"] | None = None
     """Mean of what the IMU senses, where errors depend on it."""
+    gradient: Float[Array, "3 3 R"] | None = None
+    """Of gravity; None where it is the same everywhere."""
 
 
 def full(P: Covariance) -> Float[Array, "n n R"]:
@@ -63,14 +68,19 @@ class _Step:
     """The maps of one covariance step, see the head of this file."""
 
     def __init__(self, motion: Motion, noise: StepNoise):
-        self.C, self.S_1, self.S_2, self.reading = motion
+        self.C, self.S_1, self.S_2, self.reading, self.gradient = motion
         self.noise, self.T = noise, noise.duration
         self.lever = self.S_1 - self.S_2 * noise.inverse_duration
 
     def A(self, X: Array) -> Array:
         """Navigation errors to navigation errors; X (nav, K, R)."""
         p, v, psi = X[POSITION], X[VELOCITY], X[ATTITUDE]
-        return jnp.concatenate([p + self.T * v - cross(self.S_2[:, None], psi), v - cross(self.S_1[:, None], psi), psi])
+        moved, faster = p + self.T * v - cross(self.S_2[:, None], psi), v - cross(self.S_1[:, None], psi)
+        if self.gradient is not None:
+            pulled = matmul3(self.gradient, p)
+            moved = moved + self.T**2 / 2 * pulled
+            faster = faster + self.T * pulled + self.T**2 / 2 * matmul3(self.gradient, v)
+        return jnp.concatenate([moved, faster, psi])
 
     def G(self, y: Array) -> Array:
         """Integrated sensor errors of the six channels to navigation errors; y (6, K, R)."""

@@ -97,7 +97,7 @@ class Setup:
                 self.aiding,
                 self.fix_segments,
                 truth_at(self.reference, self.imu, schedule.time, earth),
-                earth.gravity_n(jnp.asarray(first.position[:1].T)),
+                earth,
             ),
             self.aiding,
             NavState(p, v, q, jnp.zeros((0, 1))),

@@ -63,7 +63,7 @@ def run_estimate(
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
-        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.g_n)
+        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.gravity)
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
@@ -126,7 +126,7 @@ def reference_gains(
         state, P, Phi = carry
         kind, imu = given
         state, motion = mechanise_with_motion(
-            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.g_n
+            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.gravity
         )
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
@@ -170,7 +170,7 @@ def run_reference(
         kind, imu, own, sd = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
-        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.g_n)
+        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.gravity)
         kept = None if sd is None else _estimate(state, bank, sd, imu[0, :, None])
         return (state, status, noise), kept
 

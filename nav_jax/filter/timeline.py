@@ -19,6 +19,7 @@ from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import AbstractErrors
 from nav_jax.imu.imu import Imu
+from nav_jax.kinematics.earth import AbstractEarth, Gravity
 from nav_jax.kinematics.state import NavState
 
 
@@ -34,7 +35,7 @@ class Timeline(eqx.Module):
     """At the end of each segment."""
     valid: Float[Array, "M K"]
     """1 where a scalar is measured at the end of a segment."""
-    g_n: Float[Array, "3 1"]
+    gravity: Gravity
     sensed: Float[Array, "M ch"]
     """The perfect sample that begins at the end of each segment, or goes on there."""
     own: OwnStates
@@ -120,7 +121,7 @@ def timeline_of(
     sensors: Sequence[AbstractAiding],
     fix_segments: Sequence[Int[np.ndarray, " _"]],
     truth: Truth,
-    g_n: Float[Array, "3 1"],
+    earth: AbstractEarth,
 ) -> Timeline:
     """The schedule of a run with its IMU, as arrays."""
     M, G = schedule.pattern.shape
@@ -139,7 +140,7 @@ def timeline_of(
         ends=jnp.asarray(schedule.ends),
         truth=truth,
         valid=jnp.asarray(valid),
-        g_n=g_n,
+        gravity=Gravity(earth),
         sensed=jnp.asarray(both[after]),
         own=own_states(sensors, imu.rate),
     )

@@ -1,16 +1,18 @@
 """The Earth: gravity for the mechanisation, and WGS-84 coordinates for the readers.
 
-The mechanisation asks its Earth for gravity at a position. `FlatEarth` answers with a constant; an ellipsoid can take
-its place without a change elsewhere.
+The mechanisation, the perfect IMU, the truth and the error model ask the Earth of a scenario at every step. `FlatEarth`
+answers with a constant, and says so: what is constant is then taken out of the loops. One more Earth that does not turn
+is one class derived from `AbstractEarth`; one that turns also needs a mechanisation and an error model with its rate.
 """
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Array, Float, Float64
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
 from gmwm_jax._internal.typing import FloatLike, Scalar, Vector, Vectors
@@ -28,7 +30,10 @@ Geodetic = Float64[np.ndarray, "3"]
 
 
 class AbstractEarth(eqx.Module):
-    """What a mechanisation and an error model ask of an Earth."""
+    """What a mechanisation and an error model ask of an Earth that does not turn."""
+
+    is_uniform: eqx.AbstractClassVar[bool]
+    """Whether gravity is the same everywhere."""
 
     @abc.abstractmethod
     def gravity_n(self, position: Vector) -> Vector:
@@ -54,6 +59,8 @@ class FlatEarth(AbstractEarth):
     9.80665
     """
 
+    is_uniform: ClassVar[bool] = True
+
     gravity: Scalar
 
     def __init__(self, gravity: FloatLike = STANDARD_GRAVITY) -> None:
@@ -67,6 +74,28 @@ class FlatEarth(AbstractEarth):
     def __repr__(self) -> str:
         gravity = concrete(self.gravity)
         return f"FlatEarth(gravity={'traced' if gravity is None else f'{float(gravity):.9g}'})"
+
+
+class Gravity(eqx.Module):
+    """Gravity of an Earth as loops ask for it: where it is uniform, a constant that is computed before them."""
+
+    earth: AbstractEarth
+    constant: Float[Array, "3 1"] | None
+    """m/s^2, in n; None where gravity depends on the position."""
+
+    def __init__(self, earth: AbstractEarth) -> None:
+        self.earth, self.constant = earth, earth.gravity_n(jnp.zeros((3, 1))) if earth.is_uniform else None
+
+    def at(self, position: Float[Array, "3 R"]) -> Float[Array, "3 #R"]:
+        """In n, at the positions of R runs or once for all of them."""
+        return self.earth.gravity_n(position) if self.constant is None else self.constant
+
+    def gradient(self, position: Float[Array, "3 R"]) -> Float[Array, "3 3 R"] | None:
+        """Derivative by the position, component first, in 1/s^2; None where gravity is uniform."""
+        if self.constant is not None:
+            return None
+        along = [jnp.zeros_like(position).at[i].set(1.0) for i in range(3)]
+        return jnp.stack([jax.jvp(self.earth.gravity_n, (position,), (e,))[1] for e in along], axis=1)
 
 
 def ecef_from_geodetic(geodetic: Vectors) -> Vectors:

@@ -77,7 +77,7 @@ def motion_of(experiment: Experiment) -> Motion:
     def step(state, given):
         kind, imu = given
         dt, ends = timeline.dt[kind], timeline.ends[kind]
-        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.g_n, with_reading=True)
+        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.gravity, with_reading=True)
 
     def segment(state, given):
         return jax.lax.scan(step, state, given)

@@ -113,7 +113,7 @@ def prepare_navigation(
     quaternion: Any,
     every: int,
     output_interval: Real,
-    earth: AbstractEarth,
+    earth: AbstractEarth | None,
 ) -> Prepared:
     """Check and arrange a record; parameters and errors as of `navigate`."""
     if abs(filter.rate / imu.rate - 1) > 1e-6:
@@ -122,6 +122,7 @@ def prepare_navigation(
         )
     sensors = tuple(f.sensor for f in aiding)
     require_names([s.name for s in sensors])
+    earth = FlatEarth() if earth is None else earth
     of_kind("earth", earth, AbstractEarth)
     epochs = imu.epochs
     times = output_times(float(epochs[0]), float(epochs[-1]), output_interval, "record")
@@ -139,7 +140,7 @@ def prepare_navigation(
     begin = NavState(p, v, q, jnp.zeros((0, 1)))
     # nothing is known to compare with: the errors of the channels are then what the filter estimates
     nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
-    timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth.gravity_n(begin.p))
+    timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth)
     z = np.zeros((M, timeline.valid.shape[1], 1))
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
     for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
@@ -246,7 +247,7 @@ def navigate(
         quaternion=quaternion,
         every=every,
         output_interval=output_interval,
-        earth=FlatEarth() if earth is None else earth,
+        earth=earth,
     )
     outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, trace=not smooth, smooth=smooth)
     status = Status(int(outcome.status[0]))

@@ -24,7 +24,7 @@ from nav_jax.filter.parameters import AidingLines, ErrorLines
 from nav_jax.filter.scenario import EVERY
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
-from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.recorded._search import Objective, search
 from nav_jax.recorded.likelihood import Model, Record
 from nav_jax.recorded.navigation import prepare_navigation
@@ -215,7 +215,7 @@ def tune(
         quaternion=quaternion,
         every=every,
         output_interval=imu.duration,
-        earth=FlatEarth() if earth is None else earth,
+        earth=earth,
     )
     record = Record(done.timeline, done.inputs, initial)
     model = Model(ErrorLines(filter), AidingLines(done.sensors), tune_aiding)
