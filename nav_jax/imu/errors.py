@@ -172,7 +172,7 @@ class ImuErrors(eqx.Module):
             white=jnp.stack(white),
             rate=as_float(self.rate),
             states=tuple(states),
-            diagonal=all(len(f.readout) == 1 for f in forms),
+            diagonal=all(len(f.readout) <= 1 for f in forms),  # white noise has no state
         )
 
     def constants(self, channel: int) -> list[Constant]:
