@@ -175,7 +175,7 @@ class AbstractAiding(eqx.Module):
         return ~np.any(inside, axis=0) if inside else np.ones(len(times), dtype=bool)
 
     def draw(self, num: int, keys: Key[Array, " R"]) -> Float[Array, "F K R"]:
-        """Draw the noise of the first `num` fixes of each run."""
+        """Draw the noise of the first `num` fixes of each run, before it is mixed."""
         streams = [jax.vmap(lambda k, i=i: jax.random.fold_in(k, i))(keys) for i in range(len(self.noise))]
         return jnp.stack([draw(m, num, k) for m, k in zip(self.noise, streams, strict=True)], axis=1)
 
