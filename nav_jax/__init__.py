@@ -40,6 +40,7 @@ from nav_jax.aiding import Barometer as Barometer
 from nav_jax.aiding import Fixes as Fixes
 from nav_jax.aiding import GnssPosition as GnssPosition
 from nav_jax.aiding import GnssVelocity as GnssVelocity
+from nav_jax.aiding import Odometer as Odometer
 from nav_jax.filter import InitialUncertainty as InitialUncertainty
 from nav_jax.filter import Scenario as Scenario
 from nav_jax.imu import Imu as Imu

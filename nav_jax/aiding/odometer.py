@@ -52,6 +52,12 @@ class Odometer(AbstractAiding):
     ------
     ValueError
         A standard deviation or rate that is not positive, an outage that is no interval.
+
+    Examples
+    --------
+    >>> wheel = nj.Odometer(rate=10.0, speed=0.05, sideways=0.02, lever_arm=(-1.0, 0.0, 0.5), scale_sd=0.01)
+    >>> wheel.believed.tolist()  # of the speed, and of what goes right and down
+    [0.05, 0.02, 0.02]
     """
 
     unit: ClassVar[str] = "m/s"

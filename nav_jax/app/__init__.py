@@ -19,7 +19,7 @@ gyro = "WN(sigma2=4.9e-5)"
 rate = "100 Hz"
 
 [[aiding]]
-type = "gnss_position" # gnss_velocity, barometer
+type = "gnss_position" # gnss_velocity, barometer, odometer
 horizontal = "2.5 cm"
 vertical = "5 cm"
 outages = [[260, 300]]

@@ -1,4 +1,19 @@
-"""Inertial sensors: perfect ones, the models of their errors (the door to gmwm_jax), and how both are emulated."""
+"""Inertial sensors: perfect ones, the models of their errors (the door to gmwm_jax), and how both are emulated.
+
+Noise, turn-on biases, and what a calibration has left of scale factors and misalignments are emulated, and believed by
+filters, from one object:
+
+```python
+errors = nj.ImuErrors(
+    accel={"x": "WN(sigma2=6e-5)", "y": "WN(sigma2=6e-5)", "z": "WN(sigma2=9e-5) + RW(gamma2=1e-11)"},  # or one for all
+    gyro="WN(sigma2=1.5e-6) + GM(beta=3e-3, variance=4e-9)",
+    rate=100.0,
+    gyro_bias_sd=1e-4,
+    deterministic=[nj.imu.ScaleFactor(accel_sd=300e-6, gyro_sd=300e-6), nj.imu.Misalignment(gyro_sd=1e-4)],
+)
+print(errors)
+```
+"""
 
 from nav_jax.imu.deterministic import DETERMINISTIC as DETERMINISTIC
 from nav_jax.imu.deterministic import Misalignment as Misalignment

@@ -69,14 +69,30 @@ class AbstractDeterministic(eqx.Module):
 
 
 class ScaleFactor(AbstractDeterministic):
-    """A channel reads s times what it senses more; the parameters are those of `AbstractDeterministic`."""
+    """A channel reads s times what it senses more; the parameters are those of `AbstractDeterministic`.
+
+    Examples
+    --------
+    >>> scale = nj.imu.ScaleFactor(accel_sd=300e-6, gyro_sd=300e-6)
+    >>> errors = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0, deterministic=[scale])
+    >>> len(errors.bank().states)  # one constant state on each axis
+    6
+    """
 
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
         yield Constant(SensorState(channel, "scale", reads=channel), self.sd[channel])
 
 
 class Misalignment(AbstractDeterministic):
-    """A channel reads m_j times what the others of its sensor sense; parameters as of `AbstractDeterministic`."""
+    """A channel reads m_j times what the others of its sensor sense; parameters as of `AbstractDeterministic`.
+
+    Examples
+    --------
+    >>> bent = nj.imu.Misalignment(gyro_sd=1e-3)
+    >>> errors = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0, deterministic=[bent])
+    >>> len(errors.bank().states)  # each gyro reads a little of the other two
+    6
+    """
 
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
         first = channel - channel % 3
