@@ -6,7 +6,6 @@ real line (log, or logit for phi), on which intervals are symmetric: they never 
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import jax
@@ -15,7 +14,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-from gmwm_jax._internal.host import QUICKLY, known, namespace
+from gmwm_jax._internal.host import compiled_quickly, known, namespace
 from gmwm_jax.processes.base import Composite
 
 _RANK_TOLERANCE = 1e-8
@@ -50,7 +49,7 @@ def parameter_covariance(
     return whole[np.ix_(at, at)]
 
 
-@partial(jax.jit, compiler_options=QUICKLY)
+@compiled_quickly()
 def _parameter_covariance(model: Composite, active: Any, tau: Any, whitener: Any, V: Any) -> Float[Array, "Q Q"]:
     B, lost = _estimator(_wv_jacobian(model, active, tau), whitener)
     return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
@@ -138,7 +137,7 @@ def with_errors(
     return _delta_method(quantity, model, _mask(model, active), whole)
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=QUICKLY)
+@compiled_quickly(static_argnums=(0,))
 def _delta_method(
     quantity: Any, model: Composite, active: Any, covariance: Any
 ) -> tuple[Float[Array, " R"], Float[Array, " R"]]:
@@ -149,7 +148,7 @@ def _delta_method(
     return quantity(model), jnp.where(jnp.any((J != 0) & lost[None, :], axis=1), jnp.nan, error)
 
 
-@partial(jax.jit, static_argnums=0, compiler_options=QUICKLY)
+@compiled_quickly(static_argnums=(0,))
 def evaluate(quantity: Callable[[Composite], Array], model: Composite) -> Array:
     """Value of a (hashable) function of the model, compiled as a whole."""
     return quantity(model)
