@@ -31,12 +31,9 @@ SCENARIO = nj.Scenario(
 )
 
 
-@pytest.fixture(scope="module")
-def runs():
-    return {
-        gains: nj.monte_carlo(SCENARIO, ERRORS, num_runs=RUNS, key=jax.random.key(5), gains=gains)
-        for gains in ("estimate", "reference")
-    }
+@pytest.fixture(scope="module", params=["reference", "estimate"])
+def runs(request):
+    return nj.monte_carlo(SCENARIO, ERRORS, num_runs=RUNS, key=jax.random.key(5), gains=request.param)
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +41,9 @@ def covariances():
     return nj.analyse(SCENARIO, ERRORS)["filter"]
 
 
-@pytest.mark.parametrize("gains", ["estimate", "reference"])
-def test_filters_are_consistent_at_fixes_and_between(runs, gains):
+def test_filters_are_consistent_at_fixes_and_between(runs):
     """NEES in the band of chi-square, coverage in that of the binomial, at every output: half of them are fixes."""
-    r = runs[gains]
+    r = runs
     assert r.num_good == RUNS
     tail = stats.norm.sf(4.5)
     for group in GROUPS:
@@ -63,10 +59,9 @@ def test_filters_are_consistent_at_fixes_and_between(runs, gains):
         assert abs(nis.mean() / K - 1) < 4.5 * np.sqrt(2 / (K * nis.size))
 
 
-@pytest.mark.parametrize("gains", ["estimate", "reference"])
-def test_covariances_are_those_of_the_runs(runs, covariances, gains):
+def test_covariances_are_those_of_the_runs(runs, covariances):
     """Mean squares of the errors over the true covariance at every fifth output: 4.5 sigma of RUNS normal numbers."""
-    ratio = np.mean(runs[gains].error ** 2, axis=0) / covariances.sd**2
+    ratio = np.mean(runs.error**2, axis=0) / covariances.sd**2
     assert np.abs(ratio[4::5, :9] - 1).max() < 4.5 * np.sqrt(2 / RUNS) + 0.02
     np.testing.assert_allclose(covariances.true[:, :9, :9], covariances.claimed[:, :9, :9], rtol=1e-9, atol=1e-14)
 
@@ -109,3 +104,25 @@ def test_a_walking_scale_is_followed():
     assert abs(nis.mean() - 1) < 4.5 * np.sqrt(2 / nis.size)
     # the late ones too, where a filter that takes the scale for a constant would be far off
     assert abs(nis[:, -8:].mean() - 1) < 4.5 * np.sqrt(2 / nis[:, -8:].size)
+
+
+def test_scale_factors_and_misalignments_are_estimated():
+    """Of an IMU on a trajectory that turns: NEES of all groups, and the scale factor of the vertical accelerometer."""
+    constants = (nj.imu.ScaleFactor(1e-2, 1e-2), nj.imu.Misalignment(1e-3, 5e-3))
+    errors = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE, deterministic=constants)
+    aiding = (
+        nj.GnssPosition(5.0, horizontal=0.02, vertical=0.02),
+        nj.GnssVelocity(5.0, horizontal=0.01, vertical=0.01),
+    )
+    scenario = nj.Scenario(SCENARIO.reference, aiding, initial=START, every=5)
+    r = nj.monte_carlo(scenario, errors, num_runs=RUNS, key=jax.random.key(8), gains="reference")
+    exact = nj.analyse(scenario, errors)["filter"]
+    for group in GROUPS:
+        low, high = stats.chi2.ppf(stats.norm.cdf([-4.5, 4.5]), RUNS * r.dof[group]) / RUNS
+        mean = r.nees[group].mean(axis=0)
+        assert np.all((low < mean) & (mean < high)), group
+    ratio = np.mean(r.error**2, axis=0) / exact.sd**2
+    assert np.abs(ratio[4::5] - 1).max() < 4.5 * np.sqrt(2 / RUNS) + 0.02
+    # its error is 1 % of gravity at the start
+    vertical = exact.sd[:, 11]
+    assert vertical[-1] < 0.2 * 1e-2 * 9.8
