@@ -122,3 +122,10 @@ def test_errors_and_their_advance(which):
     np.testing.assert_allclose(after, np.asarray(bank.transition) @ x, rtol=1e-11, atol=1e-13)
     np.testing.assert_array_equal(bank.advance(jnp.asarray(x), jnp.asarray(0.0)), x)
     np.testing.assert_allclose(bank.errors(jnp.asarray(x)), by_channel(bank.channels, bank.readout[:, None] * x))
+
+
+def test_states_that_go_their_own_way_keep_the_fast_path():
+    """White noise has no state, and makes no matrix of a diagonal."""
+    model = gj.WN(1e-4) + gj.GM(0.1, 1e-4) + gj.RW(1e-8)
+    assert nj.ImuErrors(model, gj.WN(1e-6), 100.0, gyro_bias_sd=1e-4).bank().diagonal
+    assert not nj.ImuErrors(model + gj.DR(1e-6), gj.WN(1e-6), 100.0).bank().diagonal
