@@ -7,7 +7,7 @@ import functools
 import re
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -20,8 +20,7 @@ from gmwm_jax._internal.overwriting import refuse_overwriting
 from nav_jax.app.comparison_file import Config, named_files, read_config
 from nav_jax.app.demo import run_demo
 from nav_jax.app.record_file import read_record
-from nav_jax.app.report import STEM, as_json, write_report
-from nav_jax.app.report_analysis import Report, budget_report, design_report, tuning_report
+from nav_jax.app.reports import COMPARISON, Report, budget_report, comparison_report, design_report, tuning_report
 from nav_jax.app.sections import FolderSection
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.lincov.analysis import analyse
@@ -60,7 +59,7 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
     return app.command()(run)
 
 
-_STEMS = {"run": STEM, "compare": STEM, "budget": "budget", "design": "design", "tune": "tuning"}
+_STEMS = {"run": COMPARISON, "compare": COMPARISON, "budget": "budget", "design": "design", "tune": "tuning"}
 """Command -> stem of the files of its report."""
 
 
@@ -282,31 +281,21 @@ def _say(text: str) -> None:
         typer.echo(text, err=True)
 
 
-def _give(report: Report, json_file: Path | None, folder: Path | None, *, plot: bool) -> None:
-    """Print and write a covariance analysis."""
-    to_screen = _print(report.text, report.json, json_file)
-    if folder is not None:
-        _tell_of_files(folder, report.write(folder, plot=plot), to_screen)
-
-
-def _print(text: str, content: str, json_file: Path | None) -> bool:
-    """Text to the screen, or JSON in its place or to a file; returns whether JSON is on the screen."""
+def _give(report: Report, json_file: Path | None, folder: Path | None, *, plot: bool, text: str | None = None) -> bool:
+    """Print and write a report, or print another text than its own; returns whether JSON took the screen."""
     to_screen = str(json_file) == "-"
-    typer.echo(content if to_screen else text)
+    typer.echo(report.json if to_screen else text or report.text)
     if json_file is not None and not to_screen:
-        write_atomically(json_file, lambda file: file.write(content.encode()))
+        write_atomically(json_file, lambda file: file.write(report.json.encode()))
+    if folder is not None:
+        typer.echo(f"\nIn {folder}/: {', '.join(report.write(folder, plot=plot))}", err=to_screen)
     return to_screen
-
-
-def _tell_of_files(folder: Path, names: Sequence[str], to_screen: bool) -> None:
-    typer.echo(f"\nIn {folder}/: {', '.join(names)}", err=to_screen)
 
 
 def _finish(result: Comparison, text: str, targets: _Targets) -> None:
     """Print and write what is asked for."""
-    to_screen = _print(text, as_json(result), targets.json_file)
-    if targets.folder is not None:
-        _tell_of_files(targets.folder, write_report(result, targets.folder, plot=targets.plot), to_screen)
+    report = comparison_report(result)
+    to_screen = _give(report, targets.json_file, targets.folder, plot=targets.plot, text=text)
     if targets.save is not None:
         typer.echo(f"Saved as {result.save(targets.save)}", err=to_screen)
     _tell_of_runs(result)

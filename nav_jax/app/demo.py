@@ -6,7 +6,7 @@ from typing import Any
 
 from gmwm_jax._internal.atomic import write_atomically
 from nav_jax.app.comparison_file import read_config
-from nav_jax.app.report import write_report
+from nav_jax.app.reports import comparison_report
 from nav_jax.simulation.comparison import Comparison
 
 FITS = ("noise_model.json", "noise_model_wn.json", "noise_model_wn_gm.json")
@@ -91,6 +91,6 @@ def run_demo(fits: Path, out: Path, num_runs: int, say: Callable[[str], Any], *,
     write_atomically(file, lambda stream: stream.write(text.encode()))
     comparison = read_config(file).compare(progress=progress)
     say(f"{comparison}\n")
-    written = write_report(comparison, out)
+    written = comparison_report(comparison).write(out)
     say(f"Configuration, tables and figures are in {out}/: {', '.join([file.name, *written])}")
     return comparison

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import Field, create_model
 
+from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
 from nav_jax.app.sections import (
@@ -35,7 +36,7 @@ from nav_jax.filter.scenario import EVERY
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.earth import STANDARD_GRAVITY, FlatEarth
+from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.recorded.files import read_fixes, read_imu
 from nav_jax.recorded.tuning import Tuning, tune
 

@@ -12,13 +12,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
-from gmwm_jax.units import convert, names
+from gmwm_jax.units import STANDARD_GRAVITY, convert, names
 from nav_jax.aiding.base import AbstractAiding, Setting
 from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.kinematics.earth import STANDARD_GRAVITY
 from nav_jax.trajectory import motions
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.trajectory import Trajectory

@@ -16,9 +16,7 @@ from jaxtyping import Array, Float, Float64
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
 from gmwm_jax._internal.typing import FloatLike, Scalar, Vector, Vectors
-
-STANDARD_GRAVITY = 9.80665
-"""Standard gravity in m/s^2 (CGPM 1901)."""
+from gmwm_jax.units import STANDARD_GRAVITY
 
 _A = 6378137.0
 _F = 1 / 298.257223563

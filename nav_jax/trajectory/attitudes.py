@@ -7,8 +7,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
+from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.earth import STANDARD_GRAVITY
 
 
 def coordinated_attitude(velocity: Any, acceleration: Any, gravity: Real = STANDARD_GRAVITY) -> Quaternions:

@@ -20,7 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 from gmwm_jax._internal.checks import number, real_array, require_x64, sampling_rate
 from gmwm_jax._internal.typing import Real
-from nav_jax.kinematics.earth import STANDARD_GRAVITY
+from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.trajectory.attitudes import attitude_of_navigation, coordinated_attitude
 from nav_jax.trajectory.trajectory import Trajectory
 

@@ -18,7 +18,7 @@ from nav_jax.app import cli
 from nav_jax.app import record_file as config_record
 from nav_jax.app.comparison_file import Config, read_config
 from nav_jax.app.record_file import read_record
-from nav_jax.app.report_analysis import filter_section
+from nav_jax.app.reports import filter_section
 from nav_jax.app.sections import ModelErrors
 from nav_jax.trajectory import motions
 
@@ -234,6 +234,24 @@ def test_a_filter_as_a_section_has_all_digits():
     assert values[:6] == values[6:]
     assert (again.rate, again.start, again.biased) == (50.0, "zero", (0, 1, 2))
     np.testing.assert_array_equal(again.bias_sd, errors.bias_sd)
+
+
+@pytest.mark.parametrize("name", ["plain", "WN + 1 GM", 'a "quoted" one', "back\\slash", "dotted.name", "Größe"])
+def test_a_section_is_read_back_as_it_was_written(name):
+    """Any name and comment, numbers to the last digit, one text for all axes or a table of them."""
+    first, third = "WN(sigma2=1e-300)", "WN(sigma2=0.1) + RW(gamma2=5e-324)"
+    errors = nj.ImuErrors([first, first, third], first, 1 / 0.3, gyro_bias_sd=[0.0, 2 / 3, 1e-17])
+    table = tomllib.loads(filter_section(name, errors, 'of "quotes" = and [brackets]'))
+    assert table == {
+        "filters": {
+            name: {
+                "accel": {"x": first, "y": first, "z": third},
+                "gyro": first,
+                "rate": 1 / 0.3,
+                "gyro_bias_sd": [0.0, 2 / 3, 1e-17],
+            }
+        }
+    }
 
 
 # tune

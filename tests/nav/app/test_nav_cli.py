@@ -15,7 +15,7 @@ from nav.synthetic import make_runs, with_failures
 from typer.testing import CliRunner
 
 from nav_jax import __main__
-from nav_jax.app import cli, demo, report
+from nav_jax.app import cli, demo, reports
 from nav_jax.app.cli import app
 from nav_jax.app.comparison_file import Config, read_config
 from nav_jax.imu.imu import perfect_imu
@@ -202,14 +202,14 @@ def test_interrupted_before_anything_was_done(config, monkeypatch):
 
 
 def test_one_good_run_has_tables_and_no_figures(tmp_path):
-    names = report.write_report(a_comparison(right=make_runs(num_runs=1)), tmp_path)
+    names = reports.comparison_report(a_comparison(right=make_runs(num_runs=1))).write(tmp_path)
     assert names == ["comparison.txt", "comparison.json"]
     content = json.loads((tmp_path / "comparison.json").read_text())
     assert (content["ranking"], content["time"], content["num_common"]) == ([], None, 0)
 
 
 def test_file_names_of_models_are_plain_and_each_once():
-    assert report._plain(["WN + 1 GM", "wn 1 gm", "Σ", "a"]) == ["wn_1_gm", "wn_1_gm_2", "model", "a"]
+    assert reports._file_names(["WN + 1 GM", "wn 1 gm", "Σ", "a"]) == ["wn_1_gm", "wn_1_gm_2", "model", "a"]
 
 
 @pytest.mark.filterwarnings("default")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from nav.cases import MOTIONS, POINTS, vertical_loop
 
+from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.earth import STANDARD_GRAVITY
 from nav_jax.trajectory import motions
 from nav_jax.trajectory.attitudes import coordinated_attitude
 

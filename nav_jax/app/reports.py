@@ -1,14 +1,19 @@
-"""What the commands budget, design and tune leave behind: tables, JSON, figures, and filters as sections of TOML."""
+"""What the commands leave behind: tables as text and JSON, figures, and filters as sections of TOML.
+
+One function for each kind of result makes a `Report`, and the report prints and writes itself.
+"""
 
 import json
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import tomli_w
 from matplotlib.figure import Figure
 
-from nav_jax.app.report import write_files
+from gmwm_jax._internal.atomic import write_atomically
 from nav_jax.filter.layout import QUANTITIES
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import NoiseModel
@@ -16,9 +21,14 @@ from nav_jax.lincov.analysis import Analysis, Covariances
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
-from nav_jax.plotting.comparison import plot_comparison
+from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis
+from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
+from nav_jax.plotting.trajectory import plot_trajectory
 from nav_jax.recorded.tuning import Tuning
 from nav_jax.simulation.comparison import Comparison
+
+COMPARISON = "comparison"
+"""Stem of the files of a comparison."""
 
 
 class Report(NamedTuple):
@@ -37,14 +47,74 @@ class Report(NamedTuple):
     @property
     def json(self) -> str:
         """The content; None where there is no number."""
-        return json.dumps(_plain(self.content), indent=1, allow_nan=False)
+        return json.dumps(_numbers_or_none(self.content), indent=1, allow_nan=False)
 
-    def write(self, folder: Path, *, plot: bool) -> list[str]:
+    def write(self, folder: Path, *, plot: bool = True) -> list[str]:
         """Write all of it into a folder, made if it is not there; returns the names of the files."""
         texts = {f"{self.stem}.txt": self.text, f"{self.stem}.json": self.json}
         if self.section is not None:
             texts[f"{self.stem}.toml"] = self.section
-        return write_files(folder, texts, self.figures.items() if plot else ())
+        for name, text in texts.items():
+            write_atomically(folder / name, lambda file, text=text: file.write(f"{text.rstrip()}\n".encode()))
+        figures = self.figures if plot else {}
+        for name, draw in figures.items():
+            figure = draw()
+            write_atomically(folder / name, lambda file, figure=figure: figure.savefig(file, format="png", dpi=120))
+        return [*texts, *figures]
+
+
+def comparison_report(comparison: Comparison) -> Report:
+    """The ranking, and of each model its errors beside what the filter says of them.
+
+    There are a ranking and figures where there are two or more runs in which no model failed.
+    """
+    enough = comparison.num_common >= 2
+    table = comparison.table() if enough else None
+    content = {
+        "reference": comparison.reference.name,
+        "truth": comparison.truth,
+        "time": None if table is None else table.time,
+        "num_common": comparison.num_common,
+        "level": None if table is None else table.level,
+        "ranking": [] if table is None else table.to_list(),
+        "models": {
+            name: {
+                "num_runs": len(r),
+                "num_requested": r.num_requested,
+                "num_failed": r.num_failed,
+                "outages": {sensor: list(map(list, ends)) for sensor, ends in r.outages.items()},
+                "notes": list(r.notes),
+            }
+            for name, r in comparison.runs.items()
+        },
+    }
+    text = "\n\n".join([repr(comparison), *(repr(r) for r in comparison.runs.values())])
+    return Report(COMPARISON, text, content, dict(_comparison_figures(comparison)) if enough else {})
+
+
+def _comparison_figures(comparison: Comparison) -> Iterable[tuple[str, Callable[[], Figure]]]:
+    """File name and how to draw it."""
+    reference, runs = comparison.reference, comparison.runs
+    yield "comparison.png", lambda: plot_comparison(comparison)
+    yield "trajectory.png", lambda: plot_trajectory(reference)
+    yield "mean_errors.png", lambda: plot_mean_errors(comparison, log=True)
+    yield "consistency.png", lambda: plot_consistency(comparison)
+    if any(len(times) for r in runs.values() for times in r.nis_time.values()):
+        yield "innovations.png", lambda: plot_nis(comparison)
+    for name, r in zip(_file_names(runs), runs.values(), strict=True):
+        if r.num_good:
+            yield f"realisations_{name}.png", lambda r=r: plot_realisations(r, reference)
+            yield f"errors_{name}.png", lambda r=r: plot_errors(r, blocks=("position", "attitude"))
+            yield f"sensor_states_{name}.png", lambda r=r: plot_sensor_states(r)
+
+
+def _file_names(names: Iterable[Any]) -> list[str]:
+    """Names that a file may have, each once."""
+    plain: list[str] = []
+    for name in names:
+        short = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "model"
+        plain.append(short if short not in plain else f"{short}_{len(plain) + 1}")
+    return plain
 
 
 def budget_report(analysis: Analysis, name: str, budget: Budget, sensitivities: Sensitivities) -> Report:
@@ -122,8 +192,7 @@ def tuning_report(tuning: Tuning) -> Report:
 
 def filter_section(name: str, errors: ImuErrors, comment: str) -> str:
     """A filter as a section of a configuration, with all digits."""
-    lines = [f"{key} = {_toml(value)}" for key, value in _keys(errors).items()]
-    return "\n".join([f"[filters.{name}]  # {comment}", *lines])
+    return f"# {comment}\n{tomli_w.dumps({'filters': {name: _keys(errors)}})}"
 
 
 def _keys(errors: ImuErrors) -> dict[str, Any]:
@@ -151,13 +220,6 @@ def _model_text(model: NoiseModel) -> str:
     return " + ".join(terms)
 
 
-def _toml(value: Any) -> str:
-    """A text, a number, a list or a table in one line."""
-    if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key} = {_toml(v)}' for key, v in value.items())} }}"
-    return json.dumps(value)
-
-
 def _errors_at(c: Covariances) -> dict[str, float]:
     """True and claimed errors of a filter at the judged epoch, and how consistent they are."""
     k = c.epoch()
@@ -175,10 +237,10 @@ def _judged(covariances: tuple[Covariances, ...]) -> dict[str, float]:
     return dict(zip(("position_rms", "position_claimed", "nees_over_dof"), judged(covariances), strict=True))
 
 
-def _plain(value: Any) -> Any:
-    """None for what is no number."""
+def _numbers_or_none(value: Any) -> Any:
+    """What JSON can hold: None for what is not finite."""
     if isinstance(value, Mapping):
-        return {key: _plain(v) for key, v in value.items()}
+        return {key: _numbers_or_none(v) for key, v in value.items()}
     if isinstance(value, list):
-        return [_plain(v) for v in value]
+        return [_numbers_or_none(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
