@@ -32,9 +32,26 @@ def compiled_quickly(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable
     return decorate
 
 
+class _QuietNumpy:
+    """The functions of NumPy as JAX has its own: log(0) is -inf and exp(1000) is inf, without a warning."""
+
+    def __getattr__(self, name: str) -> Any:
+        function = getattr(np, name)
+
+        @wraps(function)
+        def quiet(*args: Any, **kwargs: Any) -> Any:
+            with np.errstate(all="ignore"):
+                return function(*args, **kwargs)
+
+        return quiet
+
+
+_NUMPY = _QuietNumpy()
+
+
 def namespace(*values: Any) -> Any:
-    """`numpy` for numbers and arrays of NumPy, `jax.numpy` as soon as one of the values is an array of JAX."""
-    return jnp if any(isinstance(v, jax.Array) for v in values) else np
+    """NumPy for numbers and arrays of NumPy, `jax.numpy` as soon as one of the values is an array of JAX."""
+    return jnp if any(isinstance(v, jax.Array) for v in values) else _NUMPY
 
 
 def known(*values: Any) -> tuple[Any, ...]:

@@ -56,7 +56,9 @@ def test_options_are_those_of_the_function():
     wv = variances()
     with pytest.raises(TypeError, match="got an unexpected keyword argument 'colour'"):
         wv.plot(colour="red")
-    with pytest.raises(TypeError, match="gmwm_jax has no figure of a int, only of AllanDeviation, Bootstrap"):
+    with pytest.raises(
+        TypeError, match="gmwm_jax has no figure of a int, only of AbstractWaveletVariance, AllanDeviation, Bootstrap"
+    ):
         gj.plotting.draw(7)
 
 
