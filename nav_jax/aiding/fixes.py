@@ -1,4 +1,4 @@
-"""TODO: what this file is."""
+"""Fixes: what an aiding sensor measured on a recorded run, and when."""
 
 from dataclasses import dataclass
 

@@ -23,6 +23,10 @@ class Odometer(AbstractAiding):
     The velocity of the wheel in b is C' v + rate x lever arm. What is emulated of the sideways components are those of
     the reference, with noise: the reference is taken to be what the vehicle does.
 
+    The rate is that of the gyros without the errors that the filter estimates. Their white noise, of sigma_w a sample,
+    is left in it and moves the wheel by sigma_w times the arm, which no filter's variance counts: 1 mm/s for 1 m and
+    1e-3 rad/s. Believe more where that is not small against the noise of the wheel.
+
     Parameters
     ----------
     rate

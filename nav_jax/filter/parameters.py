@@ -113,7 +113,8 @@ def _is_silent(model: NoiseModel) -> bool:
 class AidingLines(eqx.Module):
     """The standard deviations that a filter believes of aiding sensors, and their true noise, as factors.
 
-    The start is zero: a number x multiplies the standard deviations of a component by exp(x).
+    The start is zero: a number x multiplies the standard deviations of a component by exp(x). The standard deviation of
+    a sensor's own state, such as a scale factor, is none of them and stays as it is.
     """
 
     sensors: tuple[AbstractAiding, ...]

@@ -43,6 +43,19 @@ def aiding(*outage, rate=1.0, **options):
     )
 
 
+ARM = (1.0, 0.5, -1.5)
+"""From the IMU to an antenna: front, right, down in m."""
+WHEEL_ARM = (-1.0, 0.3, 0.8)
+
+
+def on_arms():
+    """Sensors that are not linear in position and velocity: an antenna, and a wheel with a scale factor, on arms."""
+    return (
+        nj.GnssPosition(1.0, horizontal=0.05, vertical=0.1, lever_arm=ARM),
+        nj.Odometer(2.0, speed=0.03, sideways=0.05, lever_arm=WHEEL_ARM, scale_sd=0.02),
+    )
+
+
 def quiet_inputs(experiment, num_states=0, num_runs=1):
     """Inputs without any error: exact start, perfect sensors, exact fixes."""
     timeline = experiment.timeline
