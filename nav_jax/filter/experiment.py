@@ -16,6 +16,7 @@ from jax import Array
 from jaxtyping import Float, Int, Key
 
 from gmwm_jax._internal.checks import of_kind
+from gmwm_jax._internal.programs import bound_programs
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.states import joined
@@ -61,6 +62,7 @@ class Setup:
 
     def __init__(self, scenario: Scenario, rate: Real):
         of_kind("scenario", scenario, Scenario)
+        bound_programs()
         self.scenario, self.rate, self.aiding = scenario, rate, tuple(scenario.aiding)
         self.imu, self.reference = perfect_imu(scenario.reference, rate, scenario.earth)
         # resampled, it may end a little earlier

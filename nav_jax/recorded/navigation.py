@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from gmwm_jax._internal.checks import integer, of_kind, real_array
+from gmwm_jax._internal.programs import bound_programs
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -124,6 +125,7 @@ def prepare_navigation(
     require_names([s.name for s in sensors])
     earth = FlatEarth() if earth is None else earth
     of_kind("earth", earth, AbstractEarth)
+    bound_programs()
     epochs = imu.epochs
     times = output_times(float(epochs[0]), float(epochs[-1]), output_interval, "record")
     schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
