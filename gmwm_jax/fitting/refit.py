@@ -13,6 +13,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
+from gmwm_jax._internal.chunks import chunks
 from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.search import SIZE, Data, Layout, Solution, minimise_near, smallest_slope
@@ -89,19 +90,15 @@ def refit_whitened(
     """
     problem = Problem.of(model, float(tau[-1]))
     starts, parts = problem.starts_near(), []
-    for first in range(0, len(y), chunk_size):
-        at = np.arange(first, first + chunk_size)
-        num = min(chunk_size, len(y) - first)
-        # the last chunk is filled up: another size would compile again
-        own = np.minimum(at, len(y) - 1)
-        solution, converged = _solve_near(problem, starts, y[own], whitener[own], tau)
+    for rows, count in chunks(len(y), chunk_size):
+        solution, converged = _solve_near(problem, starts, y[rows], whitener[rows], tau)
         found = (
             problem.parameter_values(solution),
             solution.objective,
             converged,
             problem.fitted_variances(solution, tau),
         )
-        parts.append([leaf[:num] for leaf in found])
+        parts.append([leaf[:count] for leaf in found])
     return Refits(*(np.concatenate(leaves) for leaves in zip(*parts, strict=True)))
 
 

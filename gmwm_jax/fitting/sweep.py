@@ -13,6 +13,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
+from gmwm_jax._internal.chunks import chunks
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import as_fit
 from gmwm_jax.fitting.problem import Problem
@@ -126,13 +127,12 @@ def _columns(problem: Problem, part: Problem, place: list[int]) -> list[int]:
 
 
 def _in_chunks(function: Any, *arrays: np.ndarray, size: int, advance: Callable[[int], Any] | None = None) -> Solution:
-    """Map over leading axes, some at a time; the last chunk is filled up, another size would compile again."""
+    """Map over leading axes, some at a time."""
     num, parts = len(arrays[0]), []
-    for first in range(0, num, size):
-        at = np.minimum(np.arange(first, first + size), num - 1)
-        parts.append(jax.tree.map(np.asarray, function(*(a[at] for a in arrays))))
+    for rows, count in chunks(num, size):
+        parts.append(jax.tree.map(np.asarray, function(*(a[rows] for a in arrays))))
         if advance:
-            advance(min(size, num - first))
+            advance(count)
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:num], *parts)
 
 

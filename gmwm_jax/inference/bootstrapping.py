@@ -7,14 +7,12 @@ The wavelet variances of the replicates are those of simulated records, or drawn
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
+from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.refit import refit
 from gmwm_jax.fitting.result import Fit
@@ -93,7 +91,7 @@ class Bootstrap(Drawable):
 
         Small where the model is wrong: it is the test of goodness of fit by the objective itself.
         """
-        return (1 + int((self.objective[self.converged] >= self.fit.objective).sum())) / (1 + int(self.converged.sum()))
+        return replicate_p_value(self.fit.objective, self.objective[self.converged])
 
     def interval(
         self, kind: str = "percentile", level: float | None = None
@@ -133,12 +131,9 @@ class Bootstrap(Drawable):
 
     def __repr__(self) -> str:
         """What was done, the test of fit, and the parameters if there are replicates enough."""
-        wv, done = self.fit.wv, len(self.values)
-        cut = f" of {self.num_requested} asked for" if done < self.num_requested else ""
-        failed = f"; {self.num_failed} did not converge and are left out" if self.num_failed else ""
+        done = replicates_done(len(self.values), self.num_requested, self.num_failed, self.route)
         lines = [
-            f"Bootstrap of {' + '.join(self.fit.model.labels)} on {wv.channels[0]}: {done} replicates{cut} "
-            f"by {self.route}{failed}",
+            f"Bootstrap of {' + '.join(self.fit.model.labels)} on {self.fit.wv.channels[0]}: {done}",
             f"objective {self.fit.objective:.6g}; as large or larger in the replicates: p = {self.p_value:.3g}",
         ]
         if len(self.good) >= replicates_needed(self.fit.level):
@@ -216,14 +211,13 @@ def bootstrap(
         raise ValueError(f'There is no theory of the scatter of {fit.model}: take route="{RECORDS}".')
     if np.any(fit.fitted <= 0):
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
-    keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))
+    keys = numbered_keys(key, range(num_replicates))
     if route == VARIANCES:
         draw = theory_draws(fit.model, fit.wv, np.asarray(fit.wv_covariance))
     else:
         draw = record_draws(fit.model, fit.wv)
     done: list[tuple[np.ndarray, ...]] = []
-    bar = progress_bar(num_replicates, "replicate", progress)
-    try:
+    with until_interrupted(done, num_replicates, "replicate", progress) as bar:
         for first in range(0, num_replicates, CHUNK):
             nu = draw(keys[first : first + CHUNK])
             # by pairs a variance may be negative by chance: such a replicate is a failure
@@ -231,10 +225,5 @@ def bootstrap(
             found = refit(fit, np.where(good[:, None], nu, fit.fitted))
             done.append((nu, found.values, found.objective, found.converged & good))
             bar.update(len(nu))
-    except KeyboardInterrupt:
-        if not done:
-            raise
-    finally:
-        bar.close()
     columns = (np.concatenate(leaves) for leaves in zip(*done, strict=True))
     return Bootstrap(fit, route, *columns, num_requested=num_replicates)

@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
+from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
@@ -423,8 +424,7 @@ def _optimism_of_replicates(
     whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: bool
 ) -> Float[np.ndarray, " M"]:
     """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
-    keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num, dtype=jnp.uint32))
-    nu = theory_draws(whole.model, whole.wv, V)(keys)
+    nu = theory_draws(whole.model, whole.wv, V)(numbered_keys(key, range(num)))
     bar = progress_bar(len(swept.fits) * num, "fit", progress)
     try:
         fitted = swept.again(nu, bar.update)

@@ -10,14 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
+from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, stream_keys, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.inference.bootstrapping import CHUNK, RECORDS, VARIANCES
 from gmwm_jax.multisignal._pool import Pool
@@ -53,8 +51,7 @@ class NearStationarity(Drawable):
     @property
     def p_value(self) -> float:
         """Share of objectives, that of the data counted in, which are at least that of the data."""
-        good = self.objective[self.converged]
-        return (1 + int((good >= self.joint.objective).sum())) / (1 + len(good))
+        return replicate_p_value(self.joint.objective, self.objective[self.converged])
 
     @property
     def num_failed(self) -> int:
@@ -63,14 +60,12 @@ class NearStationarity(Drawable):
 
     def __repr__(self) -> str:
         """The test in words."""
-        done = len(self.objective)
-        cut = f" of {self.num_requested} asked for" if done < self.num_requested else ""
-        failed = f"; {self.num_failed} did not converge and are left out" if self.num_failed else ""
+        done = replicates_done(len(self.objective), self.num_requested, self.num_failed, self.route)
         good = self.objective[self.converged]
         usual = f"{np.median(good):.4g} (median), {np.quantile(good, 0.95):.4g} (95 %)" if len(good) else "unknown"
         return (
             f"Near-stationarity of {len(self.joint.records)} records of {self.joint.wv.channels[0]} under "
-            f"{' + '.join(self.joint.model.labels)}: {done} replicates{cut} by {self.route}{failed}\n"
+            f"{' + '.join(self.joint.model.labels)}: {done}\n"
             f"objective {self.joint.objective:.6g}; of records with the same parameters {usual}; "
             f"p = {self.p_value:.3g}\n"
             "A small p: parameters change from record to record, or the model is wrong."
@@ -128,23 +123,17 @@ def near_stationarity(
     joint = one_channel(joint, "near_stationarity")
     num_replicates = integer("num_replicates", num_replicates, 1)
     draws = _draws(joint, route)
-    keys = jax.vmap(lambda b: jax.random.fold_in(key, b))(jnp.arange(num_replicates, dtype=jnp.uint32))
+    keys = numbered_keys(key, range(num_replicates))
     done: list[tuple[np.ndarray, np.ndarray]] = []
-    bar = progress_bar(num_replicates, "replicate", progress)
-    try:
+    with until_interrupted(done, num_replicates, "replicate", progress) as bar:
         for first in range(0, num_replicates, CHUNK):
             own = keys[first : first + CHUNK]
             variances = np.zeros((len(own), len(draws), joint.wv.num_scales))
             for i, draw in enumerate(draws):
-                nu = draw(jax.vmap(lambda k, i=i: jax.random.fold_in(k, i))(own))
+                nu = draw(stream_keys(own, i))
                 variances[:, i, : nu.shape[1]] = nu
             done.append(_objectives(joint, variances))
             bar.update(len(own))
-    except KeyboardInterrupt:
-        if not done:
-            raise
-    finally:
-        bar.close()
     objective, converged = (np.concatenate(leaves) for leaves in zip(*done, strict=True))
     return NearStationarity(joint, route, objective, converged, num_replicates)
 

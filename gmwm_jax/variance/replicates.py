@@ -15,11 +15,11 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.special import gammaincinv, ndtr
 
+from gmwm_jax._internal.chunks import chunks
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.simulation import simulate_each
 from gmwm_jax.variance.wavelet import WaveletVariance
@@ -83,12 +83,9 @@ def record_draws(model: Composite, wv: WaveletVariance) -> Callable[[Any], np.nd
 
     def of_keys(keys: Any) -> np.ndarray:
         rows = []
-        for first in range(0, len(keys), at_once):
-            part = keys[first : first + at_once]
-            # filled up: another size would compile again
-            filled = part[jnp.minimum(jnp.arange(at_once), len(part) - 1)]
-            x = np.asarray(simulate_each(model, filled, num_samples))
-            rows.append(variances_of(x[: len(part)]))
+        for part, count in chunks(len(keys), at_once):
+            x = np.asarray(simulate_each(model, keys[part], num_samples))
+            rows.append(variances_of(x[:count]))
         return np.concatenate(rows)
 
     return of_keys

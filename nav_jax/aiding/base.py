@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
 from gmwm_jax._internal.checks import as_float, concrete, number, positive, sampling_rate
+from gmwm_jax._internal.chunks import stream_keys
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.states import OwnState
 from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw, white_sd
@@ -181,7 +181,7 @@ class AbstractAiding(eqx.Module):
 
     def draw(self, num: int, keys: Key[Array, " R"]) -> Float[Array, "F K R"]:
         """Draw the noise of the first `num` fixes of each run, before it is mixed."""
-        streams = [jax.vmap(lambda k, i=i: jax.random.fold_in(k, i))(keys) for i in range(len(self.noise))]
+        streams = [stream_keys(keys, i) for i in range(len(self.noise))]
         return jnp.stack([draw(m, num, k) for m, k in zip(self.noise, streams, strict=True)], axis=1)
 
 

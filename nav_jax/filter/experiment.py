@@ -16,6 +16,7 @@ from jax import Array
 from jaxtyping import Float, Int, Key
 
 from gmwm_jax._internal.checks import of_kind
+from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.programs import bound_programs
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -266,7 +267,7 @@ def run_keys(key: Key[Array, ""], first: int, last: int) -> Key[Array, " R"]:
     >>> nj.filter.run_keys(jax.random.key(0), 0, 4).shape
     (4,)
     """
-    return jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(first, last, dtype=jnp.uint32))
+    return numbered_keys(key, range(first, last))
 
 
 def named_filters(

@@ -21,8 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from gmwm_jax._internal.checks import integer
+from gmwm_jax._internal.chunks import until_interrupted
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.experiment import Setup
 from nav_jax.filter.scenario import Scenario
@@ -258,16 +258,10 @@ def design(
     courses = tuple(_course(s, truth) for s in scenarios)
     search = Search(courses, family, objective, num_starts, max_steps)
     found: dict[Structure, Ended] = {}
-    bar = progress_bar(len(structures), "structure", progress)
-    try:
+    with until_interrupted(found, len(structures), "structure", progress) as bar:
         for s in structures:
             found[s] = search(s, found)
             bar.update(1)
-    except KeyboardInterrupt:
-        if not found:
-            raise
-    finally:
-        bar.close()
     candidates = [_candidate(family, scenarios, s, ended) for s, ended in found.items()]
     candidates.sort(key=lambda c: (c.num_states, c.loss))
     right = tuple(analyse(s, truth, {"right": truth})["right"] for s in scenarios)

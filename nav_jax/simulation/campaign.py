@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, typed_key
+from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.interrupts import AbandonableExecutor
 from gmwm_jax._internal.progress import progress_bar
@@ -369,8 +370,7 @@ def _tracks(
     """The whole trajectory of some runs, by running them again."""
     if not kept:
         return {}
-    keys = jax.vmap(lambda i: jax.random.fold_in(key, i))(np.array(kept, dtype=np.uint32))
-    inputs = draw_inputs(setup.experiment, truth, keys)
+    inputs = draw_inputs(setup.experiment, truth, numbered_keys(key, kept))
     gains = gains_of(setup.experiment, believed, trace=True) if on_reference else None
     trace = run_filter(setup.experiment, believed, inputs, gains, trace=True).trace
     assert trace is not None

@@ -1,0 +1,65 @@
+"""Many of a kind, some at a time: their rows, their keys, and what is there when the keyboard interrupts."""
+
+from collections.abc import Iterator, Sized
+from contextlib import contextmanager
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Int
+
+from gmwm_jax._internal.progress import progress_bar
+
+
+def chunks(num: int, size: int) -> Iterator[tuple[Int[np.ndarray, " size"], int]]:
+    """Rows of each chunk, and how many of them count.
+
+    The last chunk is filled up with the last row: a program of another size would be compiled again.
+    """
+    for first in range(0, num, size):
+        yield np.minimum(np.arange(first, first + size), num - 1), min(size, num - first)
+
+
+def numbered_keys(key: Any, numbers: Any) -> Any:
+    """A key for each number: it depends on nothing but the key and the number."""
+    return jax.vmap(lambda i: jax.random.fold_in(key, i))(np.asarray(numbers, dtype=np.uint32))
+
+
+def stream_keys(keys: Any, number: int) -> Any:
+    """The stream of one number from each of many keys."""
+    return jax.vmap(lambda key: jax.random.fold_in(key, number))(keys)
+
+
+@contextmanager
+def until_interrupted(done: Sized, total: int, unit: str, progress: bool) -> Iterator[Any]:
+    """Show a progress bar while `done` grows; an interrupt from the keyboard ends that, unless nothing is done yet.
+
+    Yields
+    ------
+    The bar, with ``update(n)``.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        It came while `done` was empty.
+    """
+    bar = progress_bar(total, unit, progress)
+    try:
+        yield bar
+    except KeyboardInterrupt:
+        if not len(done):
+            raise
+    finally:
+        bar.close()
+
+
+def replicate_p_value(statistic: float, replicates: np.ndarray) -> float:
+    """Share of the replicates, the data counted in, whose statistic is at least that of the data."""
+    return (1 + int((replicates >= statistic).sum())) / (1 + len(replicates))
+
+
+def replicates_done(num: int, num_requested: int, num_failed: int, by: str) -> str:
+    """How many replicates there are and of which kind, how many were asked for, and how many failed."""
+    cut = f" of {num_requested} asked for" if num < num_requested else ""
+    failed = f"; {num_failed} did not converge and are left out" if num_failed else ""
+    return f"{num} replicates{cut} by {by}{failed}"
