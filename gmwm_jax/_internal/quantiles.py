@@ -1,4 +1,4 @@
-"""TODO: what this file is."""
+"""Quantiles of the normal distribution for intervals."""
 
 from scipy.special import ndtri
 

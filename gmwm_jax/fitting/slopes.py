@@ -1,4 +1,7 @@
-"""TODO: what this file is."""
+"""N, B and K from slopes of the Allan deviation, as they are read off by hand or by regression over chosen ranges.
+
+Baselines beside the estimator: IEEE Std 952-1997, annex C, and the Allan variance with linear regression (AVLR).
+"""
 
 import math
 from collections.abc import Mapping
