@@ -9,6 +9,7 @@ TIME = np.arange(20) / 10
 TABLE = np.column_stack([TIME, *(np.sin(TIME + i) for i in range(6))])
 NAMES = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 SI = {"gyro": "rad/s", "accel": "m/s^2"}
+ANGLES = ("rad", "mrad", "urad", "deg", "mdeg", "arcmin", "arcsec")
 GNSS = nj.GnssPosition(1.0, horizontal=1.0, vertical=2.0)
 BARO = nj.Barometer(1.0, height=0.5)
 
@@ -90,7 +91,10 @@ class Odometer(nj.GnssVelocity):
         (lambda: nj.read_imu(TABLE), r"The unit of gyro_x is not stated: give units=\{\"gyro\": ...\}"),
         (lambda: nj.read_imu(TABLE, units={"gyro": "rad/s"}), "unit of accel_x is not stated"),
         (lambda: nj.read_imu(TABLE, units={**SI, "baro": "m"}), "these are gyro, accel, baro"),
-        (lambda: nj.read_imu(TABLE, units={**SI, "gyro": "m/s"}), "is one of .*rad/s, .*deg/s, deg/h.*, and is 'm/s'"),
+        (
+            lambda: nj.read_imu(TABLE, units={**SI, "gyro": "m/s"}),
+            f"is one of {', '.join(f'{a}/{t}' for a in ANGLES for t in ('min', 's', 'h'))}, and is 'm/s'",
+        ),
         (lambda: nj.read_imu(columns(("time", "gyro_x_deg_s", *NAMES[2:])), units=SI), "the source says deg_s"),
         (lambda: nj.read_imu(TABLE[:, :6], units=SI), "there are 6, without names"),
         (lambda: nj.read_imu(columns(("time", "wx", *NAMES[2:])), units=SI), "No column is found for gyro_x"),
