@@ -6,10 +6,14 @@ are errors.
 
 import inspect
 import re
-from functools import partial
+from collections.abc import Sequence
+from functools import partial, reduce
+from operator import or_
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from gmwm_jax.units import STANDARD_GRAVITY, convert, names
@@ -18,8 +22,8 @@ from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.trajectory import motions
 from nav_jax.trajectory.files import read_trajectory
+from nav_jax.trajectory.motions import GENERATORS
 from nav_jax.trajectory.trajectory import Trajectory
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
@@ -65,11 +69,6 @@ def _noise(value: Any, si: str) -> float | str:
     """A standard deviation, or the text of a model."""
     is_model = isinstance(value, str) and _QUANTITY.fullmatch(value) is None
     return value if is_model else quantity(value, si)
-
-
-def _attitude(value: Any) -> str | float | list[float]:
-    """A rule, or roll, pitch, yaw."""
-    return value if isinstance(value, str) else _one_or_three(value, "rad")
 
 
 def _in(si: str) -> BeforeValidator:
@@ -136,46 +135,34 @@ class _Motion(Section):
     motion: str
 
     def build(self, folder: Path, rate: float, gravity: float) -> Trajectory:
-        generate = _GENERATORS[self.motion]
+        generate = GENERATORS[self.motion]
         takes_gravity = "gravity" in inspect.signature(generate).parameters
         return generate(rate=rate, **self.given("motion"), **({"gravity": gravity} if takes_gravity else {}))
 
 
-_GENERATORS: dict[str, Any] = {
-    f.__name__: f
-    for f in (
-        motions.static, motions.straight, motions.circle, motions.racetrack, motions.climb, motions.helix,
-        motions.lemniscate, motions.waypoints,
-    )
-}  # fmt: skip
-
-_PARAMETERS: dict[str, Any] = {
-    **dict.fromkeys(("duration", "period", "start", "end", "ramp", "straight", "turn"), Time),
-    **dict.fromkeys(("size", "radius"), Length),
-    **dict.fromkeys(("speed", "climb"), Speed),
-    **dict.fromkeys(("heading", "angle"), Angle),
-    "acceleration": Acceleration,
-    "attitude": Annotated[str | list[float], BeforeValidator(_attitude)],
-    "euler": list[Angle],
-    "position": list[Length],
-    "points": list[list[Length]],
-    "times": list[Time],
-    "name": str,
-}
-"""Parameter of a generator -> what it measures. The rate is that of the sensor, gravity that of the run."""
+def _type_in_a_file(annotation: Any) -> Any:
+    """What a key of the file may be: numbers with units where the parameter is annotated with one, lists of them."""
+    if get_origin(annotation) is Annotated:
+        return Annotated[float, _in(annotation.__metadata__[0])]
+    if get_origin(annotation) is Sequence:
+        return list[_type_in_a_file(get_args(annotation)[0])]
+    if get_origin(annotation) in (Union, UnionType):
+        return reduce(or_, (_type_in_a_file(a) for a in get_args(annotation) if a is not np.ndarray))
+    return annotation
 
 
 def _motion_section(generate: Any) -> type[_Motion]:
-    found = inspect.signature(generate).parameters.values()
+    """The section of a generator, from its signature; the rate is that of the sensor, gravity that of the run."""
+    types = get_type_hints(generate, include_extras=True)
     fields: dict[str, Any] = {
-        p.name: (_PARAMETERS[p.name], ...) if p.default is p.empty else (_PARAMETERS[p.name] | None, None)
-        for p in found
+        p.name: (_type_in_a_file(types[p.name]), ... if p.default is p.empty else p.default)
+        for p in inspect.signature(generate).parameters.values()
         if p.name not in ("rate", "gravity")
     }
     return create_model(generate.__name__, __base__=_Motion, **fields)
 
 
-MOTIONS = {name: _motion_section(generate) for name, generate in _GENERATORS.items()}
+MOTIONS = {name: _motion_section(generate) for name, generate in GENERATORS.items()}
 
 
 # -- [truth], [filters.NAME] ------------------------------------------------------------------------------------------

@@ -1,6 +1,8 @@
 """Reference motions with exact derivatives: functions of time, differentiated by JAX.
 
-Each generator samples its path at ``rate`` Hz over ``duration`` s. Attitude follows from the motion or is given:
+Each generator samples its path at ``rate`` Hz over ``duration`` s. The annotation of a parameter says what it measures;
+configuration files take its unit from there, and know the generators that stand in `GENERATORS`. Attitude follows from
+the motion or is given:
 
 - ``"coordinated"``: the nose along the velocity, and the wings banked until the specific force has no lateral
   component, as in a turn without slip. Vertical flight and loops are no special case.
@@ -10,7 +12,7 @@ Each generator samples its path at ``rate`` Hz over ``duration`` s. Attitude fol
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +27,13 @@ from nav_jax.trajectory.attitudes import attitude_of_navigation, coordinated_att
 from nav_jax.trajectory.trajectory import Trajectory
 
 Path = Callable[..., Float[Array, "3 epochs"]]
-Attitude = Any
+
+Seconds = Annotated[Real, "s"]
+Metres = Annotated[Real, "m"]
+MetresPerSecond = Annotated[Real, "m/s"]
+MetresPerSecondSquared = Annotated[Real, "m/s^2"]
+Radians = Annotated[Real, "rad"]
+Attitude = str | Sequence[Radians] | np.ndarray
 
 _ENDS = 1e-6
 """Fraction of a sample by which the duration may miss a whole number of them."""
@@ -34,10 +42,10 @@ _ENDS = 1e-6
 def from_path(
     path: Path,
     *parameters: Any,
-    duration: Real,
+    duration: Seconds,
     rate: Real,
     attitude: Attitude = "coordinated",
-    gravity: Real = STANDARD_GRAVITY,
+    gravity: MetresPerSecondSquared = STANDARD_GRAVITY,
     name: str = "",
 ) -> Trajectory:
     """Sample any path that is a JAX function of time.
@@ -75,13 +83,13 @@ def from_path(
 
 
 def lemniscate(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    size: Real = 50.0,
-    period: Real = 60.0,
+    size: Metres = 50.0,
+    period: Seconds = 60.0,
     attitude: Attitude = "coordinated",
-    gravity: Real = STANDARD_GRAVITY,
+    gravity: MetresPerSecondSquared = STANDARD_GRAVITY,
     name: str = "lemniscate",
 ) -> Trajectory:
     """Generate a figure of eight, N = size sin wt, E = size sin wt cos wt with w = 2 pi / period, at one height.
@@ -105,11 +113,11 @@ def lemniscate(
 
 
 def static(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    euler: Sequence[Real] = (0.0, 0.0, 0.0),
-    position: Sequence[Real] = (0.0, 0.0, 0.0),
+    euler: Sequence[Radians] = (0.0, 0.0, 0.0),
+    position: Sequence[Metres] = (0.0, 0.0, 0.0),
     name: str = "static",
 ) -> Trajectory:
     """Generate a trajectory at rest, with a given roll, pitch, yaw (rad) and north, east, down (m).
@@ -123,13 +131,13 @@ def static(
 
 
 def straight(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    speed: Real = 10.0,
-    heading: Real = 0.0,
-    angle: Real = 0.0,
-    acceleration: Real = 0.0,
+    speed: MetresPerSecond = 10.0,
+    heading: Radians = 0.0,
+    angle: Radians = 0.0,
+    acceleration: MetresPerSecondSquared = 0.0,
     attitude: Attitude = "coordinated",
     name: str = "straight",
 ) -> Trajectory:
@@ -151,13 +159,13 @@ def straight(
 
 
 def circle(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    radius: Real = 100.0,
-    speed: Real = 10.0,
+    radius: Metres = 100.0,
+    speed: MetresPerSecond = 10.0,
     attitude: Attitude = "coordinated",
-    gravity: Real = STANDARD_GRAVITY,
+    gravity: MetresPerSecondSquared = STANDARD_GRAVITY,
     name: str = "circle",
 ) -> Trajectory:
     """Generate a horizontal circle, clockwise seen from above, from the origin northwards.
@@ -172,14 +180,14 @@ def circle(
 
 
 def helix(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    radius: Real = 100.0,
-    speed: Real = 10.0,
-    climb: Real = 1.0,
+    radius: Metres = 100.0,
+    speed: MetresPerSecond = 10.0,
+    climb: MetresPerSecond = 1.0,
     attitude: Attitude = "coordinated",
-    gravity: Real = STANDARD_GRAVITY,
+    gravity: MetresPerSecondSquared = STANDARD_GRAVITY,
     name: str = "helix",
 ) -> Trajectory:
     """Generate a circle of a horizontal speed (m/s) that climbs at a constant rate (m/s upwards).
@@ -198,14 +206,14 @@ def helix(
 
 
 def climb(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    speed: Real = 20.0,
-    climb: Real = 2.0,
-    start: Real | None = None,
-    end: Real | None = None,
-    ramp: Real = 5.0,
+    speed: MetresPerSecond = 20.0,
+    climb: MetresPerSecond = 2.0,
+    start: Seconds | None = None,
+    end: Seconds | None = None,
+    ramp: Seconds = 5.0,
     attitude: Attitude = "coordinated",
     name: str = "climb",
 ) -> Trajectory:
@@ -241,15 +249,15 @@ def climb(
 
 
 def racetrack(
-    duration: Real = 300.0,
+    duration: Seconds = 300.0,
     rate: Real = 100.0,
     *,
-    speed: Real = 20.0,
-    straight: Real = 20.0,
-    turn: Real = 20.0,
-    ramp: Real = 5.0,
+    speed: MetresPerSecond = 20.0,
+    straight: Seconds = 20.0,
+    turn: Seconds = 20.0,
+    ramp: Seconds = 5.0,
     attitude: Attitude = "coordinated",
-    gravity: Real = STANDARD_GRAVITY,
+    gravity: MetresPerSecondSquared = STANDARD_GRAVITY,
     name: str = "racetrack",
 ) -> Trajectory:
     """Generate a closed track, at first northwards, of two straights and two half turns right at constant speed.
@@ -295,13 +303,13 @@ def racetrack(
 
 
 def waypoints(
-    points: Any,
+    points: Sequence[Sequence[Metres]] | np.ndarray,
     rate: Real = 100.0,
     *,
-    speed: Real | None = None,
-    times: Any = None,
+    speed: MetresPerSecond | None = None,
+    times: Sequence[Seconds] | np.ndarray | None = None,
     attitude: Attitude = "coordinated",
-    gravity: Real = STANDARD_GRAVITY,
+    gravity: MetresPerSecondSquared = STANDARD_GRAVITY,
     name: str = "waypoints",
 ) -> Trajectory:
     """Generate a spline of degree 5 through given points (3 where there are fewer than 6).
@@ -348,6 +356,12 @@ def waypoints(
     time = np.arange(np.floor(t[-1] * sampling_rate(rate) + _ENDS) + 1) / rate
     v, a = (spline.derivative(k)(time) for k in (1, 2))
     return _trajectory(time, spline(time), v, a, attitude, gravity, name)
+
+
+GENERATORS: dict[str, Callable[..., Trajectory]] = {
+    f.__name__: f for f in (static, straight, circle, racetrack, climb, helix, lemniscate, waypoints)
+}
+"""The motions that configuration files know, by name."""
 
 
 @partial(jax.jit, static_argnums=0)
