@@ -392,6 +392,18 @@ CASES = (
 # -- the table, for pytest.mark.parametrize --------------------------------------------------------------------------
 
 
+SUMS = [
+    WN(1.0) + GM(0.01, 0.5),
+    WN(4.9e-5) + RW(4.8e-13) + GM(1.7e-3, 1.2e-7) + GM(8.8e-5, 1.2e-7),
+    QN(1.0) + WN(0.1) + RW(1e-4),
+    WN(1.0) + AR1(-0.7, 2.0) + AR1(0.99, 0.01),
+    WN(1.0) + DR(0.01),
+    RW(0.01) + DR(0.1) + GM(0.3, 1.0),
+    WN(1.0) + QN(2.0) + RW(1e-3) + DR(1e-2) + GM(0.5, 1.0) + GM(1e-3, 2.0),
+]
+"""Models of several processes."""
+
+
 def rows(**only: Any) -> list[Any]:
     """The rows whose attributes equal `only`, for `parametrize("case", ...)`."""
     return [pytest.param(c, id=c.cls.kind) for c in CASES if all(getattr(c, k) == v for k, v in only.items())]

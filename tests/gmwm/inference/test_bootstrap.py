@@ -5,35 +5,22 @@ import numpy as np
 import pytest
 from drawn import assert_shows
 from helpers import assert_covariance, assert_mean
+from programs import as_channels, fitted, simulated
 
 import gmwm_jax as gj
 from gmwm_jax.fitting.refit import refit
 from gmwm_jax.inference import bootstrapping as module
 from gmwm_jax.variance.replicates import variance_draws
 
-TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
-NUM_SAMPLES = 20_000
-
-
-def as_channels(wv, variances):
-    """Wavelet variances (B, J) as channels, with the relative intervals of another."""
-    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
-    names = tuple(str(i) for i in range(len(variances)))
-    columns = (variances.T, (variances * low).T, (variances * high).T)
-    return gj.variance.WaveletVariances(
-        wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances)
-    )
-
 
 @pytest.fixture(scope="module")
 def wv():
-    x = gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(5))
-    return gj.wavelet_variance(np.asarray(x), rate=100.0)
+    return simulated()
 
 
 @pytest.fixture(scope="module")
-def fit(wv):
-    return gj.fit(wv, "WN + GM", weights="two-step")
+def fit():
+    return fitted()
 
 
 @pytest.fixture(scope="module")

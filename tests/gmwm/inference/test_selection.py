@@ -9,35 +9,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from drawn import assert_shows
+from programs import FAINT, LARGE, drawn_channels
 from scipy.special import chdtrc
 
 import gmwm_jax as gj
 from gmwm_jax.fitting import sweep as module
 from gmwm_jax.inference._submodels import common_superset, submodels, text_of
 from gmwm_jax.inference.selection import tangents
-from gmwm_jax.variance.replicates import variance_draws
 
-NUM_SAMPLES = 200_000
 SUPERSET = "WN + QN + RW + GM"
-TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.02, variance=0.1)")
-
-
-def drawn(truth, num, seed):
-    """Wavelet variances drawn from their theory under a truth, as channels."""
-    x = gj.simulate("WN(sigma2=1.0)", NUM_SAMPLES, key=jax.random.key(0))
-    wv = gj.wavelet_variance(np.asarray(x), rate=100.0)
-    kinds = " + ".join(p.kind for p in truth.processes)
-    true = replace(gj.fit(wv, kinds), model=truth)
-    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(seed), num))
-    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
-    columns = (nu.T, (nu * low).T, (nu * high).T)
-    names = tuple(str(i) for i in range(num))
-    return gj.variance.WaveletVariances(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
 
 
 @pytest.fixture(scope="module")
 def data():
-    return drawn(TRUTH, 3, 1)
+    return drawn_channels(FAINT, LARGE, 3, 1)
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +135,7 @@ def test_a_model_with_nothing_in_a_component_is_the_smaller_one():
 
 def test_a_weak_random_walk_is_not_left_out():
     """Predicted as well without it, but then the longest spans scatter far too little: the model's own test says so."""
-    wv = drawn(gj.parse_model("WN(sigma2=1.0) + GM(beta=0.02, variance=0.1) + RW(gamma2=1e-7)"), 6, 5)
+    wv = drawn_channels(FAINT + gj.RW(1e-7), LARGE, 6, 5)
     for s in gj.select(wv, SUPERSET).values():
         assert s.recommended.p_value >= 0.01
         if s["WN + GM"].p_value < 0.01:

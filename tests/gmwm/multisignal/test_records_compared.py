@@ -7,39 +7,16 @@ import jax
 import numpy as np
 import pytest
 from drawn import assert_shows
+from programs import MEDIUM, NUM_RECORDS, blank, draws, sets_of_records, with_variance
 from scipy import stats
 
 import gmwm_jax as gj
 from gmwm_jax.multisignal import stationarity as module
-from gmwm_jax.variance.replicates import variance_draws
-
-TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
-NUM_SAMPLES, LEVELS, NUM_RECORDS = 20_000, 13, 4
-BAND = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(0))), rate=100.0)
-"""Relative intervals, the same for all."""
-
-
-def with_variance(variance):
-    low, high = BAND.ci_low / BAND.variance, BAND.ci_high / BAND.variance
-    return replace(BAND, variance=variance, ci_low=variance * low, ci_high=variance * high)
-
-
-def drawn(num_sets, seed, spread=0.0):
-    """Sets of records by the theory of their wavelet variance; correlation times scatter by `spread` in the log."""
-    V = np.asarray(gj.variance.wv_covariance(TRUTH, NUM_SAMPLES, LEVELS))
-    nu = np.asarray(TRUTH.wavelet_variance(BAND.scales))
-    relative = variance_draws(nu, V)(jax.random.split(jax.random.key(seed), NUM_RECORDS * num_sets)) / nu
-    rng = np.random.default_rng(seed)
-    wvs = []
-    for row in relative:
-        model = gj.WN(1.0) + gj.GM(beta=0.03 * np.exp(spread * rng.normal()), variance=0.2)
-        wvs.append(with_variance(np.asarray(model.wavelet_variance(BAND.scales)) * row))
-    return [wvs[NUM_RECORDS * i : NUM_RECORDS * (i + 1)] for i in range(num_sets)]
 
 
 @pytest.fixture(scope="module")
 def records():
-    return drawn(1, 1)[0]
+    return sets_of_records(1, 1)[0]
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +26,7 @@ def joint(records):
 
 @pytest.fixture(scope="module")
 def varied():
-    return gj.fit_records(drawn(1, 2, spread=0.7)[0], "WN + GM", weights="two-step")
+    return gj.fit_records(sets_of_records(1, 2, spread=0.7)[0], "WN + GM", weights="two-step")
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +83,8 @@ def test_who_varies_is_found(joint, varied):
 
 def test_records_without_an_estimate_are_left_out(joint):
     """A component that one record does not show: it has no place on the log scale."""
-    none = with_variance(1.0 / BAND.scales)
+    wv = blank(MEDIUM)
+    none = with_variance(wv, 1.0 / wv.scales)
     fit = gj.fit_records([*(r.wv for r in joint.records[:3]), none], "WN + GM", weights="two-step")
     assert "GM" in fit.singles[3].at_boundary
     comparison = gj.multisignal.compare_records(fit)
@@ -120,11 +98,7 @@ def test_records_without_an_estimate_are_left_out(joint):
 def test_what_is_zero_for_all_is_zero_for_each():
     """A record that took white noise on would have a faster and smaller share of the process left, not another one."""
     truth = gj.parse_model("GM(beta=2.0, variance=1.0)")
-    nu, V = (
-        np.asarray(truth.wavelet_variance(BAND.scales)),
-        np.asarray(gj.variance.wv_covariance(truth, NUM_SAMPLES, LEVELS)),
-    )
-    wvs = [with_variance(row) for row in variance_draws(nu, V)(jax.random.split(jax.random.key(3), NUM_RECORDS))]
+    wvs = [with_variance(blank(MEDIUM), row) for row in draws(truth, MEDIUM, NUM_RECORDS, 3)]
     fit = gj.fit_records(wvs, "WN + GM", weights="two-step")
     assert fit.at_boundary == {"WN": "at boundary: zero"}
     free = [gj.fit(wv, "WN + GM", weights=r.omega).model for wv, r in zip(wvs, fit.records, strict=True)]
@@ -153,7 +127,7 @@ def test_a_replicate_is_a_joint_fit(records, omega):
     """Also where one record is shorter."""
     part = {k: getattr(records[0], k)[:11] for k in ("scales", "variance", "ci_low", "ci_high")}
     fit = gj.fit_records([replace(records[0], num_samples=6_000, **part), *records[1:]], "WN + GM", weights=omega)
-    variances = np.zeros((3, NUM_RECORDS, LEVELS))
+    variances = np.zeros((3, NUM_RECORDS, blank(MEDIUM).num_scales))
     for i, draw in enumerate(module._draws(fit, "variances")):
         nu = draw(jax.random.split(jax.random.key(i), 3))
         variances[:, i, : nu.shape[1]] = nu

@@ -3,34 +3,9 @@
 import jax
 import numpy as np
 import pytest
+from programs import WANDERING, masked, recording, white, with_bursts
 
 import gmwm_jax as gj
-
-WANDERING = "WN(sigma2=1.0) + GM(beta=0.02, variance=0.5) + RW(gamma2=1e-5)"
-
-
-def recording(x, **options):
-    return gj.Recording.from_array(x, **{"rate": 10.0, "units": "1", **options})
-
-
-def white(num, seed=0):
-    return np.random.default_rng(seed).standard_normal(num)
-
-
-def contaminated(x, length, seed=0, size=10.0):
-    """1 % of the samples moved by +-size, in bursts of a length that share the sign; and which they are."""
-    rng = np.random.default_rng(seed)
-    first = length * rng.choice(len(x) // length, len(x) // 100 // length, replace=False)
-    moved = (first[:, None] + np.arange(length)).ravel()
-    y, outlying = x.copy(), np.zeros(len(x), dtype=bool)
-    y[moved] += np.repeat(size * rng.choice([-1, 1], len(first)), length)
-    outlying[moved] = True
-    return y, outlying
-
-
-def masked(x, **options):
-    return np.isnan(gj.recordings.mask_outliers(recording(x), **options).recording.data[:, 0])
-
 
 NOISES = {
     "white": (lambda: white(50_000), 10.0),
@@ -48,7 +23,7 @@ def test_single_outliers_are_found_in_any_noise(name):
     draw, size = NOISES[name]
     x = draw()
     assert np.sum(masked(x)) <= 3
-    y, outlying = contaminated(x, 1, size=size)
+    y, outlying = with_bursts(x, 1, size=size)
     seen = masked(y)
     assert np.mean(seen[outlying]) > 0.995
     assert np.sum(seen[~outlying]) < 20
@@ -57,7 +32,7 @@ def test_single_outliers_are_found_in_any_noise(name):
 @pytest.mark.parametrize("length", [2, 5, 10])
 def test_bursts_are_found_as_a_whole(length):
     x = np.asarray(gj.simulate(WANDERING, 50_000, key=jax.random.key(length)))
-    y, outlying = contaminated(x, length)
+    y, outlying = with_bursts(x, length)
     seen = masked(y)
     assert np.mean(seen[outlying]) > 0.995
     assert np.mean(seen[~outlying]) < 1e-4
@@ -114,7 +89,7 @@ def test_bad_input():
 
 
 def test_the_figure_with_a_third_curve():
-    y, _ = contaminated(white(5000), 1)
+    y, _ = with_bursts(white(5000), 1)
     cleaned = gj.wavelet_variance(gj.recordings.mask_outliers(recording(y)).recording)
     figure = gj.variance.compare_robust(recording(y)).plot(cleaned=cleaned)
     (line,) = [one for one in figure.axes[0].lines if one.get_label() == f"cleaned: {cleaned.missing}"]
@@ -126,7 +101,7 @@ def test_the_figure_with_a_third_curve():
 def test_a_cleaned_record_has_the_clean_white_noise(length):
     """1 % of the samples 10 sigma off, one by one or in bursts; fits of whole models are in tests/validation."""
     x = white(20_000)
-    y, _ = contaminated(x, length, 0)
+    y, _ = with_bursts(x, length, 0)
     clean = gj.wavelet_variance(x)
     cleaned = gj.wavelet_variance(gj.recordings.mask_outliers(recording(y)).recording)
     assert clean.ci_low[0] < np.ravel(cleaned.variance)[0] < clean.ci_high[0]

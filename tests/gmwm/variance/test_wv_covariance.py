@@ -4,27 +4,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from gmwm.cases import row_of, rows, sample_covariance, sample_mean
+from gmwm.cases import SUMS, row_of, rows, sample_covariance, sample_mean
 from helpers import CountTraces
 
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.drift import DR
 from gmwm_jax.processes.gauss_markov import AR1, GM
-from gmwm_jax.processes.quantisation import QN
-from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.sinusoid import SIN
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.covariance import wv_covariance
-
-SUMS = [
-    WN(1.0) + GM(0.01, 0.5),
-    WN(4.9e-5) + RW(4.8e-13) + GM(1.7e-3, 1.2e-7) + GM(8.8e-5, 1.2e-7),
-    QN(1.0) + WN(0.1) + RW(1e-4),
-    WN(1.0) + AR1(-0.7, 2.0) + AR1(0.99, 0.01),
-    WN(1.0) + DR(0.01),
-    RW(0.01) + DR(0.1) + GM(0.3, 1.0),
-    WN(1.0) + QN(2.0) + RW(1e-3) + DR(1e-2) + GM(0.5, 1.0) + GM(1e-3, 2.0),
-]
 
 
 def second_moments(model, num_samples):

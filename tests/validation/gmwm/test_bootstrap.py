@@ -1,40 +1,17 @@
 """The bootstrap: its replicates against theory, its intervals by coverage."""
 
-from dataclasses import replace
-
 import jax
 import numpy as np
 import pytest
 from helpers import SIGMAS, assert_mean
+from programs import MEDIUM, TRUTH, drawn_channels, fitted
 
 import gmwm_jax as gj
-from gmwm_jax.variance.replicates import variance_draws
-
-TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
-
-
-NUM_SAMPLES = 20_000
-
-
-def as_channels(wv, variances):
-    """Wavelet variances (B, J) as channels, with the relative intervals of another."""
-    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
-    names = tuple(str(i) for i in range(len(variances)))
-    columns = (variances.T, (variances * low).T, (variances * high).T)
-    return gj.variance.WaveletVariances(
-        wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * len(variances)
-    )
 
 
 @pytest.fixture(scope="module")
-def wv():
-    x = gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(5))
-    return gj.wavelet_variance(np.asarray(x), rate=100.0)
-
-
-@pytest.fixture(scope="module")
-def fit(wv):
-    return gj.fit(wv, "WN + GM", weights="two-step")
+def fit():
+    return fitted()
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +40,7 @@ def test_intervals_cover_and_the_test_has_its_size(judge):
     The data sets are wavelet variances drawn from theory under the truth; records are compared in another test.
     """
     num, level = 200, 0.9
-    exact = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(8))), rate=100.0)
-    first = gj.fit(exact, "WN + GM", weights="two-step")
-    true = replace(first, model=TRUTH)
-    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(9), num))
-    fits = gj.fit(as_channels(exact, nu), "WN + GM", weights="two-step")
+    fits = gj.fit(drawn_channels(TRUTH, MEDIUM, num, 9), "WN + GM", weights="two-step")
     inside, small = {kind: np.zeros(3) for kind in ("percentile", "basic", "studentised")}, 0
     truth = np.array([1.0, 0.03, 0.2])
     for i, f in enumerate(fits.values()):

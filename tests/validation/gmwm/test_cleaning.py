@@ -4,36 +4,11 @@ import jax
 import numpy as np
 import pytest
 from helpers import SIGMAS
+from programs import WANDERING, masked, recording, white, with_bursts
 
 import gmwm_jax as gj
 
 WALK = "WN(sigma2=1.0) + RW(gamma2=1e-4)"
-
-
-WANDERING = "WN(sigma2=1.0) + GM(beta=0.02, variance=0.5) + RW(gamma2=1e-5)"
-
-
-def recording(x, **options):
-    return gj.Recording.from_array(x, **{"rate": 10.0, "units": "1", **options})
-
-
-def white(num, seed=0):
-    return np.random.default_rng(seed).standard_normal(num)
-
-
-def contaminated(x, length, seed=0, size=10.0):
-    """1 % of the samples moved by +-size, in bursts of a length that share the sign; and which they are."""
-    rng = np.random.default_rng(seed)
-    first = length * rng.choice(len(x) // length, len(x) // 100 // length, replace=False)
-    moved = (first[:, None] + np.arange(length)).ravel()
-    y, outlying = x.copy(), np.zeros(len(x), dtype=bool)
-    y[moved] += np.repeat(size * rng.choice([-1, 1], len(first)), length)
-    outlying[moved] = True
-    return y, outlying
-
-
-def masked(x, **options):
-    return np.isnan(gj.recordings.mask_outliers(recording(x), **options).recording.data[:, 0])
 
 
 def test_a_clean_record_is_seldom_touched():
@@ -54,7 +29,7 @@ def test_parameters_of_a_cleaned_record_lie_within_the_clean_intervals(text, see
     x = np.asarray(gj.simulate(text, 200_000, key=jax.random.key(seed)))
     clean = gj.fit(gj.wavelet_variance(x), model).parameters()
     for length in (1, 5):
-        y, _ = contaminated(x, length, seed)
+        y, _ = with_bursts(x, length, seed)
         cleaned = gj.fit(gj.recordings.mask_outliers(recording(y)).recording, model).model
         classic = gj.fit(gj.wavelet_variance(y), model).model
         values = [[float(v) for p in m.processes for v in p.values] for m in (cleaned, classic)]

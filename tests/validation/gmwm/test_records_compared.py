@@ -1,47 +1,18 @@
 """Tests of whether records share their parameters: size and power."""
 
-from dataclasses import replace
-
 import jax
 import numpy as np
 import pytest
 from helpers import SIGMAS
+from programs import sets_of_records
 from scipy import stats
 
 import gmwm_jax as gj
-from gmwm_jax.variance.replicates import variance_draws
-
-TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
-
-
-NUM_SAMPLES, LEVELS, NUM_RECORDS = 20_000, 13, 4
-
-
-BAND = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, NUM_SAMPLES, key=jax.random.key(0))), rate=100.0)
-"""Relative intervals, the same for all."""
-
-
-def with_variance(variance):
-    low, high = BAND.ci_low / BAND.variance, BAND.ci_high / BAND.variance
-    return replace(BAND, variance=variance, ci_low=variance * low, ci_high=variance * high)
-
-
-def drawn(num_sets, seed, spread=0.0):
-    """Sets of records by the theory of their wavelet variance; correlation times scatter by `spread` in the log."""
-    V = np.asarray(gj.variance.wv_covariance(TRUTH, NUM_SAMPLES, LEVELS))
-    nu = np.asarray(TRUTH.wavelet_variance(BAND.scales))
-    relative = variance_draws(nu, V)(jax.random.split(jax.random.key(seed), NUM_RECORDS * num_sets)) / nu
-    rng = np.random.default_rng(seed)
-    wvs = []
-    for row in relative:
-        model = gj.WN(1.0) + gj.GM(beta=0.03 * np.exp(spread * rng.normal()), variance=0.2)
-        wvs.append(with_variance(np.asarray(model.wavelet_variance(BAND.scales)) * row))
-    return [wvs[NUM_RECORDS * i : NUM_RECORDS * (i + 1)] for i in range(num_sets)]
 
 
 @pytest.fixture(scope="module")
 def records():
-    return drawn(1, 1)[0]
+    return sets_of_records(1, 1)[0]
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +31,7 @@ def test_size_and_power(judge):
     Cochran's Q of 3 degrees of freedom has variance 6. The benchmark has 500 sets.
     """
     num, Q, p, p_all = 20, [], [], []
-    for b, wvs in enumerate(drawn(num, 3)):
+    for b, wvs in enumerate(sets_of_records(num, 3)):
         fit = gj.fit_records(wvs, "WN + GM", weights="two-step")
         comparison = gj.multisignal.compare_records(fit)
         Q.append([s.statistic for s in comparison.spreads])
@@ -77,7 +48,7 @@ def test_size_and_power(judge):
         gj.multisignal.near_stationarity(
             gj.fit_records(wvs, "WN + GM", weights="two-step"), 63, key=jax.random.key(b)
         ).p_value
-        for b, wvs in enumerate(drawn(5, 6, spread=0.7))
+        for b, wvs in enumerate(sets_of_records(5, 6, spread=0.7))
     ]
     judge("power of the test of near-stationarity", np.mean(np.array(found) < 0.05), 0.8, 1, num_draws=5)
 

@@ -3,39 +3,13 @@
 import json
 
 import jax
-import mpmath
 import numpy as np
 import pytest
-import scipy.optimize
+from gmwm.textbook import efficiency_that_r_calls, g
 
 import gmwm_jax as gj
 from gmwm_jax.variance.haar import degrees_of_freedom, interval_factors
 from gmwm_jax.variance.robust import biweight, robust_wavelet_variance, widening
-
-
-def g(r, c):
-    return np.where(np.abs(r) <= c, r**2 * (1 - (r / c) ** 2) ** 4, 0.0)
-
-
-def truncated_moment(k, c):
-    """E(Z^k; |Z| <= c) = (k-1)!! P((k+1)/2, c^2/2)."""
-    return mpmath.fac2(k - 1) * mpmath.gammainc((k + 1) / mpmath.mpf(2), 0, c * c / 2, regularized=True)
-
-
-def efficiency_that_r_calls(nominal):
-    """R has one sign of E g^2 the wrong way round (that of the moment 18), and with it another constant c."""
-
-    def formula(c):
-        def moment(k):
-            return float(truncated_moment(k, mpmath.mpf(c)))
-
-        a = sum((-1) ** i * float(mpmath.binomial(4, i)) * moment(2 + 2 * i) / c ** (2 * i) for i in range(5))
-        m = sum((-1) ** i * float(mpmath.binomial(4, i)) * moment(4 + 2 * i) / c ** (2 * i) for i in range(5)) - a
-        q = sum((-1) ** i * float(mpmath.binomial(8, i)) * moment(4 + 2 * i) / c ** (2 * i) for i in range(9)) - a * a
-        return m * m / 2 / q, m * m / 2 / (q + 16 * moment(18) / c**14)
-
-    c = scipy.optimize.brentq(lambda c: formula(c)[1] - nominal, 4.0, 8.0)
-    return formula(c)[0]
 
 
 def test_against_r(shared):

@@ -1,41 +1,20 @@
 """Model selection on data of known origin."""
 
 from collections import Counter
-from dataclasses import replace
 
 import jax
-import numpy as np
 import pytest
 from helpers import SIGMAS
+from programs import FAINT, LARGE, drawn_channels
 
 import gmwm_jax as gj
-from gmwm_jax.variance.replicates import variance_draws
-
-NUM_SAMPLES = 200_000
-
 
 SUPERSET = "WN + QN + RW + GM"
 
 
-TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.02, variance=0.1)")
-
-
-def drawn(truth, num, seed):
-    """Wavelet variances drawn from their theory under a truth, as channels."""
-    x = gj.simulate("WN(sigma2=1.0)", NUM_SAMPLES, key=jax.random.key(0))
-    wv = gj.wavelet_variance(np.asarray(x), rate=100.0)
-    kinds = " + ".join(p.kind for p in truth.processes)
-    true = replace(gj.fit(wv, kinds), model=truth)
-    nu = variance_draws(true.fitted, true.wv_covariance)(jax.random.split(jax.random.key(seed), num))
-    low, high = wv.ci_low / wv.variance, wv.ci_high / wv.variance
-    columns = (nu.T, (nu * low).T, (nu * high).T)
-    names = tuple(str(i) for i in range(num))
-    return gj.variance.WaveletVariances(wv.scales, *columns, wv.num_samples, wv.level, 100.0, names, ("1",) * num)
-
-
 @pytest.fixture(scope="module")
 def data():
-    return drawn(TRUTH, 3, 1)
+    return drawn_channels(FAINT, LARGE, 3, 1)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +28,7 @@ def data():
 def test_the_truth_is_recommended(truth, judge):
     """In 90 % of 20 data sets or more."""
     truth = gj.parse_model(truth)
-    s = gj.select(drawn(truth, 20, 2), SUPERSET)
+    s = gj.select(drawn_channels(truth, LARGE, 20, 2), SUPERSET)
     want = Counter(p.kind for p in truth.processes)
     hits = sum(Counter(p.kind for p in gj.parse_model(x.recommended.name).processes) == want for x in s.values())
     judge("share of data sets for which the truth is recommended", hits / 20, 0.9, 1, num_draws=20)
