@@ -13,13 +13,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, overload
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import stdtrit
 
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
@@ -29,7 +30,8 @@ from gmwm_jax.multisignal._refit import joint_refit
 from gmwm_jax.multisignal.joint import JointFit, fit_records
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
-from gmwm_jax.variance.wavelet import WaveletVariance
+from gmwm_jax.recordings.recording import Recording
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,24 @@ class CrossValidation(Mapping[str, ModelScore], Drawable):
     def __len__(self) -> int:
         return len(self.scores)
 
+    @classmethod
+    def table_of(cls, validations: Sequence["CrossValidation"], /) -> str:
+        """Cross-validations of several channels as text: what is recommended for each, and how it compares."""
+        rows = []
+        for cv in validations:
+            r = cv.recommended
+            numbers = [number(r.score), *(number(x, 3) for x in (r.error, r.difference, r.difference_error))]
+            equivalent = str(sum(p.equivalent for p in cv.scores))
+            rows.append(
+                [cv.fits[0].wv.channels[0], r.model, str(r.num_parameters), *numbers, equivalent, next(iter(cv))]
+            )
+        head = ["channel", "recommended", "parameters", "CV-WVIC", "se", "to best", "se", "equivalent", "lowest"]
+        first = validations[0]
+        return (
+            f"Cross-validations over {first.splits.shape[1]} records, of {len(first)} models each\n"
+            f"{format_table(head, rows, left=2)}"
+        )
+
     def __repr__(self) -> str:
         """A row a model, the best first."""
         head = ["model", "parameters", "CV-WVIC", "se", "to best", "se", ""]
@@ -131,6 +151,36 @@ class CrossValidation(Mapping[str, ModelScore], Drawable):
         )
 
 
+@overload
+def cross_validate(
+    data: Sequence[WaveletVariance],
+    models: Sequence[str | AbstractProcess | Composite],
+    *,
+    num_estimation: int | None = None,
+    max_splits: int = 200,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+) -> CrossValidation: ...
+@overload
+def cross_validate(
+    data: Sequence[WaveletVariances],
+    models: Sequence[str | AbstractProcess | Composite],
+    *,
+    num_estimation: int | None = None,
+    max_splits: int = 200,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+) -> Channels[CrossValidation]: ...
+@overload
+def cross_validate(
+    data: Sequence[WaveletVariance | WaveletVariances] | Sequence[Recording],
+    models: Sequence[str | AbstractProcess | Composite],
+    *,
+    num_estimation: int | None = None,
+    max_splits: int = 200,
+    key: PRNGKey | None = None,
+    level: float = 0.95,
+) -> CrossValidation | Channels[CrossValidation]: ...
 def cross_validate(
     data: Any,
     models: Sequence[str | AbstractProcess | Composite],
@@ -139,7 +189,7 @@ def cross_validate(
     max_splits: int = 200,
     key: PRNGKey | None = None,
     level: float = 0.95,
-) -> Any:
+) -> CrossValidation | Channels[CrossValidation]:
     """Compare models by how well they predict records that they have not seen.
 
     Parameters
@@ -160,7 +210,7 @@ def cross_validate(
 
     Returns
     -------
-    CrossValidation for one channel, a dictionary of them by channel for several.
+    CrossValidation for one channel, `Channels` of them for several.
 
     Raises
     ------
@@ -204,7 +254,9 @@ def cross_validate(
     fits: dict[str, Any] = {text: fit_records(records, model) for text, model in posed.items()}
     if isinstance(records[0], WaveletVariance):
         return _compare(fits, splits, exact, level)
-    return {c: _compare({t: f[c] for t, f in fits.items()}, splits, exact, level) for c in records[0].channels}
+    return Channels(
+        {c: _compare({t: f[c] for t, f in fits.items()}, splits, exact, level) for c in records[0].channels}
+    )
 
 
 def _splits(R: int, s: int, max_splits: int, key: PRNGKey | None) -> tuple[Bool[np.ndarray, "B R"], bool]:

@@ -34,6 +34,7 @@ from gmwm_jax.plotting.multisignal import joint_fit_data as joint_fit_data
 from gmwm_jax.plotting.multisignal import joint_fits_data as joint_fits_data
 from gmwm_jax.plotting.multisignal import near_stationarity_data as near_stationarity_data
 from gmwm_jax.plotting.multisignal import plot_cross_validation as plot_cross_validation
+from gmwm_jax.plotting.multisignal import plot_cross_validations as plot_cross_validations
 from gmwm_jax.plotting.multisignal import plot_joint_fit as plot_joint_fit
 from gmwm_jax.plotting.multisignal import plot_joint_fits as plot_joint_fits
 from gmwm_jax.plotting.multisignal import plot_near_stationarity as plot_near_stationarity

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from itertools import cycle
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.channels import Channels
@@ -359,8 +360,40 @@ def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None)
     >>> figure = gj.plotting.plot_cross_validation(gj.multisignal.cross_validate(units, ["WN", "WN + RW"]))
     >>> figure.savefig("cross_validation.png")
     """
-    (frame,) = cross_validation_data(cv)
     figure, (ax,) = frames(axes, 1, 1, (6.4, 0.9 + 0.42 * len(cv)))
+    _draw_scores(ax, cv)
+    return figure
+
+
+@draws_channels_of(CrossValidation)
+def plot_cross_validations(validations: Channels[CrossValidation], *, axes: GivenAxes | None = None) -> Figure:
+    """Plot one panel for each channel, see `plot_cross_validation`.
+
+    Parameters
+    ----------
+    validations
+        Of several channels.
+    axes
+        As many Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x", "accel_y"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> figure = gj.plotting.plot_cross_validations(gj.multisignal.cross_validate(units, ["WN", "WN + RW"]))
+    >>> figure.savefig("cross_validations.png")
+    """
+    height = 0.9 + 0.42 * len(validations[0])
+    figure, panels = frames(axes, len(validations), 1, (6.4, height * len(validations)))
+    for ax, cv in zip(panels, validations.values(), strict=True):
+        _draw_scores(ax, cv)
+    return figure
+
+
+def _draw_scores(ax: Axes, cv: CrossValidation) -> None:
+    """One channel."""
+    (frame,) = cross_validation_data(cv)
     bars, zero = frame.items
     assert isinstance(bars, Bars)
     for i, p in enumerate(cv.scores):
@@ -375,4 +408,3 @@ def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None)
         ax.set_xscale("symlog", linthresh=smallest)
         ax.set_xlim(left=-smallest)
     describe(ax, frame, fontsize=10)
-    return figure

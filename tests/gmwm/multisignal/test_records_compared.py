@@ -251,6 +251,8 @@ def test_channels_apart(records):
     assert list(found) == ["a", "b"]
     # the objective has no unit
     assert found["a"]["WN"].score == pytest.approx(found["b"]["WN"].score, rel=1e-9)
+    assert [line.split()[:2] for line in str(found).splitlines()[-2:]] == [["a", "WN"], ["b", "WN"]]
+    assert len(found.plot().axes) == 2
 
 
 def test_bad_input(records, joint):
