@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gmwm_jax._internal.stores import import_xarray
 from nav_jax.filter.layout import GROUPS, JUDGED
-from nav_jax.simulation._store import import_xarray
 
 if TYPE_CHECKING:
     import xarray

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.stores import read_dataset, write_dataset
 from nav_jax.simulation._dataset import join_models, runs_to_dataset
-from nav_jax.simulation._store import read_dataset, write_dataset
 from nav_jax.simulation.ranking import Ranking, common_runs, rank
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory

@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Bool, Float64, Integer
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.stores import import_xarray, read_dataset, write_dataset
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.history import Estimates
 from nav_jax.filter.layout import JUDGED, NAVIGATION
 from nav_jax.filter.status import Status
 from nav_jax.simulation._dataset import RUNS_KIND, dataset_to_fields, runs_to_dataset
-from nav_jax.simulation._store import import_xarray, read_dataset, write_dataset
 from nav_jax.statistics.epochs import judged_epoch, outage_intervals
 
 if TYPE_CHECKING:

@@ -7,19 +7,22 @@ result with holes looks like one with failed runs.
 import importlib
 import json
 import os
-import secrets
-import shutil
 import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gmwm_jax._internal.atomic import make_atomically, settle_abandoned
+
 if TYPE_CHECKING:
     import xarray
 
 FORMAT = 1
 """Of the file. Raised when a reader of the former one would misunderstand it."""
+
+_HEADERS = 1 << 20
+"""Bytes of a netCDF file besides its arrays."""
 
 _ENGINES = {".zarr": ("zarr", ("zarr",)), ".nc": ("h5netcdf", ("h5netcdf", "h5py"))}
 """Ending -> xarray's engine, and the packages that it needs."""
@@ -42,7 +45,7 @@ def import_xarray(*also: str) -> Any:
 
 
 def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
-    """Write beside `path`, then rename to it: a former result is replaced by a whole new one, or stays.
+    """Write a Dataset: a former result is replaced by a whole new one, or stays.
 
     Parameters
     ----------
@@ -61,6 +64,8 @@ def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
         Another ending.
     FileExistsError
         There is something at `path` that is no result of this kind of file.
+    OSError
+        It cannot be written, as where the disk is full.
     """
     path = Path(path)
     engine = _engine(path)
@@ -69,18 +74,15 @@ def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
     marked = dataset.assign_attrs(format=FORMAT, checksums=json.dumps(sums))
     # no value stands for "missing": reading it back as NaN would lose the bits that the sums are about
     encoding = {name: {"_FillValue": None} for name, v in marked.variables.items() if v.dtype.kind == "f"}
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
+
+    def make(new: Path) -> None:
         if engine == "zarr":
-            marked.to_zarr(temporary, mode="w-", zarr_format=2, consolidated=True, encoding=encoding)
-            _swap(temporary, path)
+            marked.to_zarr(new, mode="w-", zarr_format=2, consolidated=True, encoding=encoding)
         else:
-            marked.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
-            os.replace(temporary, path)
-    finally:
-        _remove(temporary)
-    return path
+            _require_room(new, sum(v.nbytes for v in marked.variables.values()))
+            marked.to_netcdf(new, engine="h5netcdf", encoding=encoding)
+
+    return make_atomically(path, make)
 
 
 def read_dataset(path: str | os.PathLike, kind: str) -> "xarray.Dataset":
@@ -103,6 +105,8 @@ def read_dataset(path: str | os.PathLike, kind: str) -> "xarray.Dataset":
     path = Path(path)
     engine = _engine(path)
     xarray = import_xarray(*_ENGINES[path.suffix.lower()][1])
+    if not path.exists():
+        settle_abandoned(path)
     if not path.exists():
         raise FileNotFoundError(f"There is no {path.resolve()}.")
     try:
@@ -156,23 +160,9 @@ def _replaceable(path: Path, engine: str) -> None:
         raise FileExistsError(f"{path} is there and is no {path.suffix} result: it stays. Choose another path.")
 
 
-def _swap(new: Path, path: Path) -> None:
-    """Rename a folder over another one, which rename alone does not do."""
-    old = path.with_name(f".{path.name}.{secrets.token_hex(4)}.old")
-    had = path.exists()
-    if had:
-        path.rename(old)
-    try:
-        new.rename(path)
-    except OSError:
-        if had:
-            old.rename(path)
-        raise
-    _remove(old)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def _require_room(path: Path, num_bytes: int) -> None:
+    """Raise an OSError where the disk has no room for a file: HDF5 would end the process."""
+    if hasattr(os, "posix_fallocate"):
+        with path.open("xb") as file:
+            os.posix_fallocate(file.fileno(), 0, num_bytes + _HEADERS)
+        path.unlink()
