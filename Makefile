@@ -35,7 +35,7 @@ NUMERICAL := tests/nav/kinematics tests/nav/trajectory tests/nav/imu tests/nav/f
 DISPATCHED = from numpy._core._multiarray_umath import __cpu_dispatch__ as d, __cpu_features__ as f; print(*(x for x in d if f[x]))
 
 test-old-cpu: $(VENV)/.installed  ## the numerical rooms as on a processor of 2008 (x86-64)
-	XLA_FLAGS="--xla_cpu_use_fusion_emitters=false --xla_cpu_max_isa=SSE4_2" \
+	XLA_FLAGS="--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_max_isa=SSE4_2" \
 	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(DISPATCHED)')" $(PYTEST) $(NUMERICAL)
 
 check: $(VENV)/.installed  ## lint, format, types; names files that have grown long

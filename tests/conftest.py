@@ -8,8 +8,13 @@ import sys
 from pathlib import Path
 
 # Most of the time of the suite goes into compiling programs that run once; the older of XLA's two code generators for
-# CPUs takes half as long as the one it has by default (with which `XLA_FLAGS= pytest` runs everything).
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
+# CPUs takes half as long as the one it has by default (with which `XLA_FLAGS= pytest` runs everything), and a quarter
+# goes into cutting programs in parts for threads, which workers have no use for.
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1")
+
+# Of small matrices, and beside other workers, threads of BLAS wait for each other most of the time. Workers inherit it;
+# in one process NumPy may have been imported already.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jax
 import pytest
@@ -39,6 +44,12 @@ if not jax.config.jax_compilation_cache_dir:  # JAX_COMPILATION_CACHE_DIR decide
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_collection_finish():
+    """What is imported stays: without it collections of garbage are a seventh of the time of tracing."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture
