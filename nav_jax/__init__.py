@@ -55,6 +55,7 @@ from nav_jax.lincov import error_budget as error_budget
 from nav_jax.lincov import sensitivities as sensitivities
 from nav_jax.recorded import navigate as navigate
 from nav_jax.recorded import read_fixes as read_fixes
+from nav_jax.recorded import read_gnss as read_gnss
 from nav_jax.recorded import read_imu as read_imu
 from nav_jax.recorded import tune as tune
 from nav_jax.simulation import compare as compare

@@ -61,7 +61,7 @@ DOORS = {"imu", "aiding"}
 DRAWING = "_internal/drawing"
 """The one file that imports the figures of a result, at the moment of drawing."""
 
-HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic")
+HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic", "pynmea2")
 """Imported by leaves, or inside a function at the moment of use."""
 
 LEAVES = {"plotting", "app", "__main__"}

@@ -132,6 +132,15 @@ def update(
     return symmetrise(P), done
 
 
+def residual_covariance(
+    P: Float[Array, "n n Q"], H: Float[Array, "K m #Q"], variance: Float[Array, " K"]
+) -> Float[Array, "K K Q"]:
+    """Covariance of what is measured minus what is predicted, H P H' + R; parameters as of `update`."""
+    seen = H.shape[1]
+    left = jnp.sum(H[:, :, None] * P[None, :seen, :seen], axis=1)
+    return jnp.sum(left[:, None] * H[None], axis=2) + jnp.diag(variance)[:, :, None]
+
+
 def correction(
     gain: Float[Array, "K n Q"], residual: Float[Array, "K R"], H: Float[Array, "K m #R"]
 ) -> tuple[Float[Array, "n R"], Float[Array, "K R"]]:

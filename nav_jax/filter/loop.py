@@ -11,12 +11,12 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
-from nav_jax.filter.ekf import correction, inject, mechanise, mechanise_with_motion, update
+from nav_jax.filter.ekf import correction, inject, mechanise, mechanise_with_motion, residual_covariance, update
 from nav_jax.filter.error_model import blocks, full, propagate, transition
-from nav_jax.filter.measurement import Measurements, Sensors, compensated
+from nav_jax.filter.measurement import Measurements, Sensors, compensated, whitened
 from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
-from nav_jax.filter.timeline import Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
+from nav_jax.filter.timeline import Comparison, Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
 from nav_jax.imu.bank import SensorBank, alone, step_noises
 from nav_jax.kinematics.state import NavState
 
@@ -30,6 +30,7 @@ def run_estimate(
     *,
     trace: bool = False,
     remember: bool = False,
+    predict: bool = False,
 ) -> Outcome:
     """Run R filters, each with a covariance about its own estimate.
 
@@ -49,9 +50,12 @@ def run_estimate(
         Keep the estimate, and what is claimed of it, after every covariance step and every update.
     remember
         Keep what a smoother wants.
+    predict
+        Keep what is predicted of all scalars after each update, for those that are kept from the filter.
     """
     aiding = Measurements(sensors, timeline.own)
     constant, variance = aiding.constant(), aiding.variance
+    varies = constant is None or timeline.whitening is not None
     moves = aiding.uses_body or bank.depends
     alike = alone(bank)
     kinds = step_noises(alike, timeline.dt, timeline.ends)
@@ -75,25 +79,30 @@ def run_estimate(
         at, z, own = given
         sensed = at.sensed[:, None]
         body = compensated(sensed + inputs.errors.sample(noise, own), state, bank) if moves else None
-        H = aiding.derivative(state, body, bank) if constant is None else constant
+        H = whitened(at.whitening, aiding.derivative(state, body, bank) if constant is None else constant)
         whole, done = update(full(P), H, variance, at.valid)
-        c, innovation = correction(done.gain, z - aiding.predict(state, body), H)
+        c, innovation = correction(done.gain, whitened(at.whitening, z - aiding.predict(state, body)), H)
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
         judgement = judge(state, claim(P, alike, sensed), bank, at.truth, inputs.errors.lasting(noise, own), sensed)
-        memory = None if Phi is None else Memory(full(P), done.gain, Phi, H if constant is None else None)
-        return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory)
+        memory = None if Phi is None else Memory(full(P), done.gain, Phi, _over_all(H, len(whole)) if varies else None)
+        left = None
+        if predict:  # the derivative is that of the update: what it has moved is of second order
+            residual = whitened(at.whitening, z - aiding.predict(state, body))
+            left = Comparison(residual, residual_covariance(whole, H, variance))
+        return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory, left)
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
     start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
-    events = (_Event(timeline.truth, timeline.valid, timeline.sensed), inputs.z, inputs.errors.per_segment)
-    last, (kept, (judgement, innovation, variance_of, states, memory)) = time_loop(step, event, start, steps, events)
+    events = (_events(timeline), inputs.z, inputs.errors.per_segment)
+    last, (kept, out) = time_loop(step, event, start, steps, events)
+    judgement, innovation, variance_of, states, memory, left = out
     whole = None
     if trace:
         whole = _trace(timeline, inputs.start, states, bank, claim(P, alike, _first(timeline)).sd, kept, judgement)
-    return Outcome(judgement, innovation, variance_of, last[2], states, whole, memory)
+    return Outcome(judgement, innovation, variance_of, last[2], states, whole, memory, left)
 
 
 def reference_gains(
@@ -145,7 +154,7 @@ def reference_gains(
         return (state, P, one), Gains(done, claim(P, alike, sensed), memory, kept, None)
 
     P = blocks(P_start[:, :, None])
-    events = _Event(timeline.truth, timeline.valid, timeline.sensed)
+    events = _events(timeline)
     _, (sd, gains) = time_loop(step, event, (start, P, one), (timeline.pattern, timeline.imu), events)
     return gains._replace(sd=(claim(P, alike, _first(timeline)).sd, sd)) if trace else gains
 
@@ -190,7 +199,7 @@ def run_reference(
     begin, sds = gains.sd if trace and gains.sd is not None else (None, None)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step, sds)
     known = gains._replace(memory=None, sd=None)
-    events = (_Event(timeline.truth, timeline.valid, timeline.sensed), known, inputs.z, inputs.errors.per_segment)
+    events = (_events(timeline), known, inputs.z, inputs.errors.per_segment)
     (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
     whole = None if begin is None else _trace(timeline, inputs.start, states, bank, begin, kept, judgement)
     return Outcome(judgement, innovation, gains.update.variance, status, states, whole, gains.memory)
@@ -226,6 +235,16 @@ class _Event(NamedTuple):
     truth: Truth
     valid: Float[Array, "M K"]
     sensed: Float[Array, "M ch"]
+    whitening: Float[Array, "M K K"] | None
+
+
+def _events(timeline: Timeline) -> _Event:
+    return _Event(timeline.truth, timeline.valid, timeline.sensed, timeline.whitening)
+
+
+def _over_all(H: Float[Array, "K m Q"], n: int) -> Float[Array, "K n Q"]:
+    """Derivatives along the first m errors, along all n."""
+    return jnp.pad(H, ((0, 0), (0, n - H.shape[1]), (0, 0)))
 
 
 def time_loop(step: Any, event: Any, carry: Any, steps: Any, events: Any) -> Any:

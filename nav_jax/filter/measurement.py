@@ -142,6 +142,11 @@ def decorrelated(sensor: AbstractAiding, x: Float[Array, "K *R"]) -> Float[Array
     return solve_triangular(sensor.mixing, x.reshape(x.shape[0], -1), lower=True).reshape(x.shape)
 
 
+def whitened(W: Float[Array, "K K"] | None, x: Float[Array, "K *R"]) -> Float[Array, "K *R"]:
+    """Scalars, or derivatives of them, of an event with a noise of its own; W of None leaves them as they are."""
+    return x if W is None else jnp.einsum("kl,l...->k...", W, x)
+
+
 def compensated(sensed: Float[Array, "ch #R"], state: NavState, bank: SensorBank) -> BodyMotion:
     """The motion of the body from what the IMU says and what a filter knows of its errors."""
     motion = bank.compensated(sensed, state.x)

@@ -40,6 +40,9 @@ class Timeline(eqx.Module):
     """The perfect sample that begins at the end of each segment, or goes on there."""
     own: OwnStates
     """States of the aiding sensors."""
+    whitening: Float[Array, "M K K"] | None = None
+    """What is multiplied onto residuals and derivatives of scalars whose noise is another at every event; None where
+    it is the same at all."""
 
 
 class Inputs(NamedTuple):
@@ -87,6 +90,18 @@ class Trace(NamedTuple):
     """After the update at the end of each of the M segments, if there is one."""
 
 
+class Comparison(NamedTuple):
+    """What a filter says of all K scalars at the end of each of the M segments, after its update there.
+
+    Of a scalar that was kept from it, that is a prediction.
+    """
+
+    residual: Float[Array, "M K R"]
+    """Measured - predicted."""
+    covariance: Float[Array, "M K K Q"]
+    """Of that, as the filter states it, noise of the scalars included."""
+
+
 class Outcome(NamedTuple):
     """What comes out, at the end of each of the M segments."""
 
@@ -100,6 +115,8 @@ class Outcome(NamedTuple):
     trace: Trace | None
     """If it was asked for."""
     memory: Memory | None
+    """If it was asked for."""
+    comparison: Comparison | None = None
     """If it was asked for."""
 
 

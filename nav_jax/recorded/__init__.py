@@ -27,6 +27,8 @@ smoother.
 
 from nav_jax.recorded.files import read_fixes as read_fixes
 from nav_jax.recorded.files import read_imu as read_imu
+from nav_jax.recorded.gnss.reading import read_gnss as read_gnss
+from nav_jax.recorded.gnss.record import GnssRecord as GnssRecord
 from nav_jax.recorded.likelihood import innovation_loss as innovation_loss
 from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate

@@ -99,7 +99,10 @@ def read_fixes(
     header: int | None = None,
     variable: str | None = None,
 ) -> Fixes:
-    """Read the fixes of an aiding sensor: time, and what the sensor measures; fixes in its outages are left out.
+    """Read the fixes of an aiding sensor: time, and what the sensor measures.
+
+    Fixes in the sensor's outages are read too: the filter is not given them, and is compared with them. Files of GNSS
+    receivers, with standard deviations of their own, are read by `nav_jax.read_gnss`.
 
     The columns are found by their names, or, without names, in this order: time; north, east, down (m) of a GNSS
     position; velocity north, east, down (m/s) of a GNSS velocity; height above the origin (m) of a barometer; speed
@@ -142,9 +145,7 @@ def read_fixes(
     try:
         table = open_source(source, Reading(delimiter, header, variable))
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
-        time, value = _seconds(read), sensor.measured(read.three(names), origin)
-        kept = sensor.available(time)
-        return Fixes(sensor, time[kept], value[kept])
+        return Fixes(sensor, _seconds(read), sensor.measured(read.three(names), origin))
     except ValueError as error:
         raise _of_file(error, source) from error
 

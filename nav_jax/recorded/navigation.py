@@ -102,6 +102,8 @@ class Prepared(NamedTuple):
     """Of each sensor, the segments that end with a fix."""
     columns: Int[np.ndarray, " _"]
     """Where the scalars of each sensor begin, and their number."""
+    whitening: list[Float64[np.ndarray, "_ K K"] | None]
+    """Of each sensor, what takes the components of each fix to the scalars of the filter; None where it is one."""
 
 
 def prepare_navigation(
@@ -142,16 +144,46 @@ def prepare_navigation(
     begin = NavState(p, v, q, jnp.zeros((0, 1)))
     # nothing is known to compare with: the errors of the channels are then what the filter estimates
     nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
-    timeline = timeline_of(imu, schedule, sensors, fixes, nothing, earth)
+    timeline = timeline_of(
+        imu, schedule, sensors, [s[f.given] for s, f in zip(fixes, aiding, strict=True)], nothing, earth
+    )
     z = np.zeros((M, timeline.valid.shape[1], 1))
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
-    for f, segments, a, b in zip(aiding, fixes, columns[:-1], columns[1:], strict=True):
+    spans = list(zip(aiding, fixes, columns[:-1], columns[1:], strict=True))
+    for f, segments, a, b in spans:
         z[segments, a:b, 0] = decorrelated(f.sensor, jnp.asarray(f.value.T)).T
+    whitening = [_whitening(f) for f in aiding]
+    if any(w is not None for w in whitening):
+        # on top of what the sensor decorrelates by itself
+        on_top = np.broadcast_to(np.eye(z.shape[1]), (M, z.shape[1], z.shape[1])).copy()
+        for w, (f, segments, a, b) in zip(whitening, spans, strict=True):
+            if w is not None:
+                on_top[segments, a:b, a:b] = w if f.sensor.mixing is None else w @ np.asarray(f.sensor.mixing)
+        timeline = eqx.tree_at(lambda t: t.whitening, timeline, jnp.asarray(on_top), is_leaf=lambda x: x is None)
     zero = jnp.zeros((M, len(CHANNELS), 1))
     none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), AtEnd(zero, zero))
     return Prepared(
-        timeline, sensors, Inputs(begin, none, jnp.asarray(z)), schedule, float(epochs[0]), outputs, fixes, columns
+        timeline,
+        sensors,
+        Inputs(begin, none, jnp.asarray(z)),
+        schedule,
+        float(epochs[0]),
+        outputs,
+        fixes,
+        columns,
+        whitening,
     )
+
+
+def _whitening(fixes: Fixes) -> Float64[np.ndarray, "F K K"] | None:
+    """What makes the noise of each fix that of the sensor's scalars, which have the believed standard deviations.
+
+    So that a factor on what is believed, which is what `tune` seeks, is one on what the fixes state.
+    """
+    if fixes.covariance is None:
+        return None
+    believed = np.asarray(fixes.sensor.believed)
+    return believed[:, None] * np.linalg.inv(np.linalg.cholesky(fixes.covariance))
 
 
 @eqx.filter_jit

@@ -15,6 +15,11 @@ ATTITUDE = ("roll", "pitch", "yaw")
 VELOCITY = ("velocity_north", "velocity_east", "velocity_down")
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 ACCEL = ("accel_x", "accel_y", "accel_z")
+LOCAL_UP = ("east", "north", "up")
+ECEF = ("ecef_x", "ecef_y", "ecef_z")
+VELOCITY_UP = ("velocity_north", "velocity_east", "velocity_up")
+POSITION_SD = ("sd_north", "sd_east", "sd_down")
+VELOCITY_SD = ("sd_velocity_north", "sd_velocity_east", "sd_velocity_down")
 _TRAJECTORY = ("time", *POSITION["ned"], *POSITION["geodetic"], *ATTITUDE, *VELOCITY)
 
 _ALIASES = {
@@ -31,6 +36,17 @@ _ALIASES = {
     "velocity_north": "velocity_north vel_n v_n vn vel_north v_north",
     "velocity_east": "velocity_east vel_e v_e ve vel_east v_east",
     "velocity_down": "velocity_down vel_d v_d vd vel_down v_down",
+    "up": "up u pos_u position_up",
+    "velocity_up": "velocity_up vel_u v_u vu vel_up v_up",
+    **{f"ecef_{axis}": f"ecef_{axis} {axis}_ecef" for axis in "xyz"},
+    "sd_north": "sd_north sd_n sdn std_n std_north sigma_n sigma_north",
+    "sd_east": "sd_east sd_e sde std_e std_east sigma_e sigma_east",
+    "sd_down": "sd_down sd_d sdd std_d std_down sigma_d sigma_down sd_up sd_u sdu std_u std_up sigma_u sd_height",
+    "sd_velocity_north": "sd_velocity_north sd_v_n sdvn sd_vn std_vn sigma_vn",
+    "sd_velocity_east": "sd_velocity_east sd_v_e sdve sd_ve std_ve sigma_ve",
+    "sd_velocity_down": "sd_velocity_down sd_v_d sdvd sd_vd std_vd sigma_vd sd_velocity_up sdvu sd_vu",
+    "quality": "quality q fix fix_type fix_quality",
+    "satellites": "satellites num_satellites num_sats nsat ns",
     "speed": "speed wheel_speed odometer odometer_speed v_x",
     **{f"gyro_{axis}": f"gyro_{axis} gyr_{axis} gyroscope_{axis} omega_{axis} w_{axis}" for axis in "xyz"},
     **{f"accel_{axis}": f"accel_{axis} acc_{axis} accelerometer_{axis} f_{axis}" for axis in "xyz"},
@@ -40,8 +56,9 @@ _ALIASES = {
 _SI = {
     "time": "s",
     **dict.fromkeys(("latitude", "longitude", *ATTITUDE), "rad"),
-    **dict.fromkeys((*POSITION["ned"], "height"), "m"),
-    **dict.fromkeys((*VELOCITY, "speed"), "m/s"),
+    **dict.fromkeys((*POSITION["ned"], "height", "up", *ECEF, *POSITION_SD), "m"),
+    **dict.fromkeys((*VELOCITY, "velocity_up", "speed", *VELOCITY_SD), "m/s"),
+    **dict.fromkeys(("quality", "satellites"), "1"),
     **dict.fromkeys(GYRO, "rad/s"),
     **dict.fromkeys(ACCEL, "m/s^2"),
 }
@@ -172,7 +189,7 @@ def choose(table: Columns, position: str | None, columns: Any) -> tuple[str, dic
     if position and table.position and position != table.position:
         raise ValueError(f"position={position!r} was given, and the file says {table.position!r}.")
     system = position or table.position
-    found = _found(table, columns if isinstance(columns, Mapping) else {}, _TRAJECTORY)
+    found = present(table, columns if isinstance(columns, Mapping) else {}, _TRAJECTORY)
     if system is None:
         fits = [kind for kind, names in POSITION.items() if set(names) <= set(found)]
         if len(fits) != 1:
@@ -214,7 +231,7 @@ def pick(table: Columns, wanted: Sequence[str], columns: Mapping[str, int | str]
         if table.count != len(wanted):
             raise ValueError(f"The columns are {', '.join(wanted)}, and there are {table.count}, without names.")
         return {quantity: i for i, quantity in enumerate(wanted)}
-    found = _found(table, columns or {}, wanted)
+    found = present(table, columns or {}, wanted)
     if missing := [q for q in wanted if q not in found]:
         raise ValueError(
             f"No column is found for {', '.join(missing)}: name them as in columns={{{missing[0]!r}: ...}}. "
@@ -223,7 +240,7 @@ def pick(table: Columns, wanted: Sequence[str], columns: Mapping[str, int | str]
     return found
 
 
-def _found(table: Columns, columns: Mapping[str, int | str], wanted: Sequence[str]) -> dict[str, int]:
+def present(table: Columns, columns: Mapping[str, int | str], wanted: Sequence[str]) -> dict[str, int]:
     """Columns of the quantities that are there."""
     if unknown := [key for key in columns if key not in wanted]:
         raise ValueError(f"columns names {', '.join(unknown)}; the quantities are: {', '.join(wanted)}.")

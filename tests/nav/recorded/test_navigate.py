@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import jaxtyping
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.filter.parameters import AidingLines
 from nav_jax.filter.status import Status
+from nav_jax.recorded.navigation import prepare_navigation, run_record
 
 REFERENCE = nj.motions.lemniscate(6.0, setups.RATE)
 ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
@@ -162,6 +165,55 @@ def test_a_start_or_an_earth_of_another_class(emulated, options, message, monkey
         navigate(emulated, **options)
     with pytest.raises(ValueError, match=f"must be of the class {message}"):
         nj.Scenario(REFERENCE, SENSORS, **options)
+
+
+def spread(num, seed):
+    """Covariances of fixes, no two alike."""
+    factors = np.random.default_rng(seed).normal(size=(num, 3, 3)) * [0.3, 0.2, 0.5] + 0.3 * np.eye(3)
+    return factors @ factors.transpose(0, 2, 1)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_each_fix_has_its_own_covariance(emulated, smooth):
+    """As many sensors of one covariance each, with one fix, say the same."""
+    gnss, velocity, baro = emulated[3]
+    C = spread(len(gnss.time), 3)[:6]
+    few = nj.Fixes(gnss.sensor, gnss.time[:6], gnss.value[:6], C)
+    own = navigate(emulated, aiding=(few, velocity, baro), smooth=smooth)
+    single = [
+        nj.Fixes(nj.GnssPosition(covariance=c, name=f"gnss {i}"), few.time[i : i + 1], few.value[i : i + 1])
+        for i, c in enumerate(C)
+    ]
+    apart = navigate(emulated, aiding=(*single, velocity, baro), smooth=smooth)
+    np.testing.assert_allclose(own.trajectory.position, apart.trajectory.position, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(own.sd, apart.sd, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(own.nis["gnss_position"], [apart.nis[f"gnss {i}"][0] for i in range(6)], rtol=1e-8)
+
+
+def test_a_factor_on_what_is_believed_is_one_on_what_fixes_state(emulated):
+    """That is what `tune` seeks."""
+    gnss = emulated[3][0]
+    C = spread(len(gnss.time), 5)
+    own, larger = (nj.Fixes(gnss.sensor, gnss.time, gnss.value, a) for a in (C, 4 * C))
+    e = navigate(emulated, aiding=(larger,))
+    options = {**emulated[4], "every": 1, "output_interval": 1.0, "earth": None}
+    done = prepare_navigation(emulated[2], (own,), ERRORS, **options)
+    doubled = AidingLines(done.sensors).believe(jnp.full(2, np.log(2.0)))
+    outcome = run_record(done.timeline, doubled, done.inputs, ERRORS, START)
+    nis = (outcome.innovation**2 / outcome.variance)[done.fixes[0]].sum(axis=(1, 2))
+    np.testing.assert_allclose(nis, e.nis["gnss_position"], rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        (np.zeros((2, 1, 1)), "2 of 2 covariances of barometer are not positive definite, the first at 1 s"),
+        (np.full((2, 1, 1), np.nan), "NaN"),
+    ],
+)
+def test_bad_covariances(covariance, message):
+    with pytest.raises(ValueError, match=message):
+        nj.Fixes(SENSORS[2], np.array([1.0, 2.0]), np.zeros((2, 1)), covariance)
 
 
 @pytest.mark.parametrize(

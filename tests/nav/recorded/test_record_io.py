@@ -63,11 +63,11 @@ def test_fixes_of_each_sensor(tmp_path):
     np.testing.assert_array_equal(nj.read_fixes(tmp_path / "baro.csv", BARO).value, [[5], [6]])
 
 
-def test_fixes_in_outages_are_left_out():
+def test_fixes_in_outages_are_kept_from_the_filter():
     sensor = nj.Barometer(1.0, height=0.5, outages=[(2.0, 3.0)])
     found = nj.read_fixes({"time": np.arange(1.0, 5.0), "height": np.arange(4.0)}, sensor)
-    np.testing.assert_array_equal(found.time, [1, 4])
-    np.testing.assert_array_equal(found.value, [[0], [3]])
+    np.testing.assert_array_equal(found.time, [1, 2, 3, 4])
+    np.testing.assert_array_equal(found.given, [True, False, False, True])
 
 
 def test_geodetic_positions_become_local():
@@ -113,7 +113,7 @@ class Odometer(nj.GnssVelocity):
         (lambda: nj.read_fixes(TABLE, Odometer(1.0, horizontal=1.0, vertical=1.0)), "and this is Odometer"),
         (
             lambda: nj.read_fixes(TABLE[:, :2], nj.Barometer(1.0, height=1.0, outages=[(0, 9)])),
-            "barometer has no fix: leave it out",
+            "All 20 fixes of barometer lie in its outages: leave it out",
         ),
     ],
 )
