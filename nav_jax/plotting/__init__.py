@@ -36,6 +36,14 @@ from nav_jax.plotting.lincov import plot_calibration as plot_calibration
 from nav_jax.plotting.lincov import plot_design as plot_design
 from nav_jax.plotting.lincov import plot_sensitivities as plot_sensitivities
 from nav_jax.plotting.lincov import sensitivities_data as sensitivities_data
+from nav_jax.plotting.navigation import innovations_data as innovations_data
+from nav_jax.plotting.navigation import navigation_data as navigation_data
+from nav_jax.plotting.navigation import plot_innovations as plot_innovations
+from nav_jax.plotting.navigation import plot_navigation as plot_navigation
+from nav_jax.plotting.navigation import plot_sensor_estimates as plot_sensor_estimates
+from nav_jax.plotting.navigation import plot_withheld as plot_withheld
+from nav_jax.plotting.navigation import sensor_estimates_data as sensor_estimates_data
+from nav_jax.plotting.navigation import withheld_data as withheld_data
 from nav_jax.plotting.recorded import plot_tuning as plot_tuning
 from nav_jax.plotting.recorded import tuning_data as tuning_data
 from nav_jax.plotting.runs import errors_data as errors_data

@@ -1,8 +1,10 @@
 """Plain integrated navigation: the filter of the Monte Carlo on given sensor arrays, without a reference."""
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from gmwm_jax._internal.checks import integer, of_kind, real_array
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.programs import bound_programs
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
@@ -18,7 +21,7 @@ from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.states import joined
 from nav_jax.filter.history import Estimates, histories, smoothed_history
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.layout import JUDGED, NAVIGATION, ON_CHANNELS
+from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS
 from nav_jax.filter.loop import run_estimate
 from nav_jax.filter.measurement import decorrelated
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL, output_times, require_names
@@ -33,11 +36,18 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.state import NavState
+from nav_jax.recorded._export import navigation_dataset, save_navigation
+from nav_jax.recorded.reference import ReferenceErrors
+from nav_jax.recorded.withheld import Withheld
+from nav_jax.statistics.distributions import chi2_quantile
 from nav_jax.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Navigation:
+class Navigation(Drawable):
     """The result of `navigate`: an integrated navigation solution.
 
     At an epoch with fixes they are what the filter says after the update by all fixes of that epoch, also at the last
@@ -54,10 +64,18 @@ class Navigation:
         Estimated errors of accelerometer x, y, z and gyro x, y, z, shape (E, 6).
     before
         The same at the epochs with fixes, before their update. Without epochs for a smoother, which knows all fixes.
-    innovation, nis
-        Sensor -> innovations (F, K) and their normalised squares (F,), each component given those before it.
+    innovation, innovation_sd, nis
+        Sensor -> innovations (F, K), what the filter says of them, and their normalised squares (F,), each component
+        given those before it; of the fixes that the filter was given.
     status
         How it ended.
+    fixes
+        Of all sensors, as they were given.
+    withheld
+        Sensor -> the fixes in its outages beside their predictions, where there are any. Of a smoother too, they are
+        those of the filter.
+    errors
+        Against the reference, if there is one.
     """
 
     trajectory: Trajectory
@@ -65,13 +83,57 @@ class Navigation:
     sensor_errors: Float64[np.ndarray, "E 6"]
     before: Estimates
     innovation: Mapping[str, Float64[np.ndarray, "_ _"]]
+    innovation_sd: Mapping[str, Float64[np.ndarray, "_ _"]]
     nis: Mapping[str, Float64[np.ndarray, " _"]]
     status: Status
+    fixes: tuple[Fixes, ...] = ()
+    withheld: Mapping[str, Withheld] = field(default_factory=dict)
+    errors: ReferenceErrors | None = None
 
     @property
     def time(self) -> Float64[np.ndarray, " E"]:
         """Epochs, s."""
         return self.trajectory.time
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All estimates and innovations as a Dataset with units; needs the extra ``io``."""
+        return navigation_dataset(self)
+
+    def save(
+        self, path: str | os.PathLike[str], *, origin: Any = None, start: Any = None, interval: Real = 1.0
+    ) -> Path:
+        """Write the estimates to a file: ``.csv``, ``.npz``, ``.kml`` or ``.gpx``.
+
+        A table has the columns of `nav_jax.trajectory.save_trajectory`, by which `read_trajectory` reads it, then the
+        standard deviations and the estimated errors of the sensors. A file of maps has the track.
+
+        Parameters
+        ----------
+        path
+            The file; it appears whole or not at all.
+        origin
+            Latitude, longitude (rad) and height (m) of the origin of n; a table then has latitude, longitude and height
+            too. Needed by maps.
+        start
+            UTC at time zero, as ``numpy.datetime64``; maps then have times.
+        interval
+            s between points of a map.
+
+        Raises
+        ------
+        ValueError
+            Another suffix, or a map without an origin.
+
+        Examples
+        --------
+        >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))
+        >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
+        >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+        >>> free = nj.navigate(samples, [], filter, **start, initial=nj.InitialUncertainty())
+        >>> free.save("free.csv").name, free.save("free.kml", origin=(0.8, 0.1, 400.0)).name
+        ('free.csv', 'free.kml')
+        """
+        return save_navigation(self, path, origin=origin, start=start, interval=interval)
 
     def __repr__(self) -> str:
         last = self.sd[-1]
@@ -80,10 +142,18 @@ class Navigation:
             f"Navigation from {self.trajectory.time[0]:g} to {self.trajectory.time[-1]:g} s: {self.status.sentence}",
             f"standard deviations at {self.time[-1]:g} s",
             format_table(["", "unit", "N", "E", "D"], rows, left=2),
-            *(f"NIS of {s}: mean {x.mean():.3g} over {len(x)} fixes of {self.innovation[s].shape[1]} components"
-              for s, x in self.nis.items()),
-        ]  # fmt: skip
-        return "\n".join(lines)
+            *(_nis_line(s, x, self.innovation[s].shape[1]) for s, x in self.nis.items()),
+            *(f"\n{s} in its outages, predicted - measured\n{w!r}" for s, w in self.withheld.items()),
+        ]
+        return "\n".join(lines if self.errors is None else [*lines, "", repr(self.errors)])
+
+
+def _nis_line(sensor: str, nis: Float64[np.ndarray, " F"], K: int) -> str:
+    """The mean, and where it is with 95 % probability if the filter is right: its innovations are then independent."""
+    dof = K * len(nis)
+    low, high = (float(chi2_quantile(p, dof)) / len(nis) for p in (0.025, 0.975))
+    band = f"[{low:.3g}, {high:.3g}]"
+    return f"NIS of {sensor}: mean {nis.mean():.3g} over {len(nis)} fixes of {K} components, 95 % band {band}"
 
 
 class Prepared(NamedTuple):
@@ -117,6 +187,7 @@ def prepare_navigation(
     every: int,
     output_interval: Real,
     earth: AbstractEarth | None,
+    reference: Trajectory | None = None,
 ) -> Prepared:
     """Check and arrange a record; parameters and errors as of `navigate`."""
     if abs(filter.rate / imu.rate - 1) > 1e-6:
@@ -142,10 +213,9 @@ def prepare_navigation(
         raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
     p, v, q = (jnp.asarray(a[:, None]) for a in start.values())
     begin = NavState(p, v, q, jnp.zeros((0, 1)))
-    # nothing is known to compare with: the errors of the channels are then what the filter estimates
-    nothing = Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
+    truth = _truth(reference, schedule.time)
     timeline = timeline_of(
-        imu, schedule, sensors, [s[f.given] for s, f in zip(fixes, aiding, strict=True)], nothing, earth
+        imu, schedule, sensors, [s[f.given] for s, f in zip(fixes, aiding, strict=True)], truth, earth
     )
     z = np.zeros((M, timeline.valid.shape[1], 1))
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
@@ -196,12 +266,13 @@ def run_record(
     *,
     trace: bool = False,
     smooth: bool = False,
+    predict: bool = False,
 ) -> Outcome:
     """Run the filter over a prepared record."""
     bank = joined(filter.bank(), timeline.own)
     inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), 1))))
     P = start_covariance(initial, bank)
-    outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth)
+    outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth, predict=predict)
     return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
 
 
@@ -218,6 +289,7 @@ def navigate(
     output_interval: Real = OUTPUT_INTERVAL,
     earth: AbstractEarth | None = None,
     smooth: bool = False,
+    reference: Trajectory | None = None,
     throw: bool = True,
 ) -> Navigation:
     """Run the filter on recorded sensors.
@@ -227,7 +299,8 @@ def navigate(
     imu
         The record.
     aiding
-        Fixes of each sensor; may be empty (free inertial navigation).
+        Fixes of each sensor; may be empty (free inertial navigation). The filter is not given those in the outages of
+        their sensor: the result has them beside its predictions.
     filter
         What it believes of the errors of the IMU; their rate must be that of the record.
     position, velocity, quaternion
@@ -242,6 +315,8 @@ def navigate(
         Gravity; a `FlatEarth` unless given.
     smooth
         Give the estimate of the fixed-interval smoother, from all fixes of the record, at every output and fix.
+    reference
+        A trajectory to be compared with, on the same clock and in the same frame; the filter knows nothing of it.
     throw
         Raise if the filter fails; else its status says so.
 
@@ -253,7 +328,7 @@ def navigate(
     ------
     ValueError
         Another rate, fixes outside the record, arrays of wrong shape, two sensors of one name, a start or an Earth of
-        another class.
+        another class, a reference of another time.
     RuntimeError
         The filter failed, and ``throw``.
 
@@ -282,19 +357,30 @@ def navigate(
         every=every,
         output_interval=output_interval,
         earth=earth,
+        reference=reference,
     )
-    outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, trace=not smooth, smooth=smooth)
+    outages = not all(f.given.all() for f in aiding)
+    how = {"trace": not smooth, "smooth": smooth, "predict": outages}
+    outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, **how)
     status = Status(int(outcome.status[0]))
     if throw and status is not Status.ok:
         raise RuntimeError(
             f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; "
             "with throw=False the solution up to there is returned."
         )
-    names = [s.name for s in done.sensors]
-    parts = list(zip(names, done.fixes, done.columns[:-1], done.columns[1:], strict=True))
-    innovation, variances = (np.asarray(a)[..., 0] for a in (outcome.innovation, outcome.variance))
-    nu = {n: innovation[s, a:b] for n, s, a, b in parts}
-    variance = {n: variances[s, a:b] for n, s, a, b in parts}
+    nu, sd, withheld = {}, {}, {}
+    innovation, variance = (np.asarray(a)[..., 0] for a in (outcome.innovation, outcome.variance))
+    parts = zip(aiding, done.fixes, done.columns[:-1], done.columns[1:], done.whitening, strict=True)
+    for fixes, segments, a, b, W in parts:
+        name, given = fixes.sensor.name, fixes.given
+        # scalars of fixes with a covariance of their own come back in the unit of the sensor
+        unit = 1.0 if W is None else np.diagonal(W[given], axis1=1, axis2=2)
+        nu[name] = innovation[segments[given], a:b] / unit
+        sd[name] = np.sqrt(variance[segments[given], a:b]) / unit
+        if not given.all() and outcome.comparison is not None:
+            at = segments[~given]
+            residual, C = (np.asarray(x)[..., 0] for x in outcome.comparison)
+            withheld[name] = _withheld(fixes, W, residual[at, a:b], C[at, a:b, a:b])
     after, before = _estimates(done, outcome)
     label = "smoothed navigation" if smooth else "navigation"
     return Navigation(
@@ -303,9 +389,60 @@ def navigate(
         after.sensor_errors,
         before,
         nu,
-        {n: (nu[n] ** 2 / variance[n]).sum(axis=1) for n in names},
+        sd,
+        {n: ((nu[n] / sd[n]) ** 2).sum(axis=1) for n in nu},
         status,
+        tuple(aiding),
+        withheld,
+        None if reference is None else _reference_errors(reference, done, outcome),
     )
+
+
+def _withheld(
+    fixes: Fixes,
+    whitening: Float64[np.ndarray, "F K K"] | None,
+    residual: Float64[np.ndarray, "f K"],
+    covariance: Float64[np.ndarray, "f K K"],
+) -> Withheld:
+    """What is said of the f fixes that the filter was without: scalars become components of the sensor."""
+    mixing = fixes.sensor.mixing
+    if whitening is not None:
+        back = np.linalg.inv(whitening[~fixes.given])
+    else:
+        back = np.eye(residual.shape[1]) if mixing is None else np.asarray(mixing)
+    error = -(back @ residual[:, :, None])[:, :, 0]
+    C = back @ covariance @ np.swapaxes(back, -1, -2)
+    sensor = fixes.sensor
+    return Withheld(fixes.time[~fixes.given], error, C, sensor.axes, sensor.unit, sensor.outages)
+
+
+def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"]) -> Truth:
+    """The reference at the ends of the segments; its own ends where it ends."""
+    if reference is None:  # errors of the channels are then what the filter estimates, all others mean nothing
+        M = len(time)
+        return Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
+    inside = time.clip(reference.time[0], reference.time[-1])
+    instants, which = np.unique(inside, return_inverse=True)
+    if len(instants) < 2:
+        raise ValueError(
+            f"The reference is of {reference.time[0]:g} to {reference.time[-1]:g} s, and the record ends at "
+            f"{time[-1]:g} s: they have no time in common."
+        )
+    known = reference.at(instants)
+    p, v, q = (jnp.asarray(a[which][:, :, None]) for a in (known.position, known.velocity, known.quaternion))
+    return Truth(p, v, q)
+
+
+def _reference_errors(reference: Trajectory, done: Prepared, outcome: Outcome) -> ReferenceErrors:
+    """At outputs and fixes that the reference covers."""
+    rows = np.unique(np.concatenate([done.outputs, *done.fixes]))
+    time = done.schedule.time[rows]
+    rows = rows[(time >= reference.time[0]) & (time <= reference.time[-1])]
+    n = NAVIGATION.size
+    error, sd = (np.asarray(a)[rows, :n, 0] for a in (outcome.judgement.error, outcome.judgement.sd))
+    nees = dict(zip(GROUPS, np.asarray(outcome.judgement.nees)[rows, :, 0].T, strict=True))
+    del nees["sensors"]  # of which a reference knows nothing
+    return ReferenceErrors(done.schedule.time[rows], error, sd, nees)
 
 
 def _estimates(done: Prepared, outcome: Outcome) -> tuple[Estimates, Estimates]:

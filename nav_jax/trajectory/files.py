@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax._internal.checks import real_array, require_x64
+from gmwm_jax._internal.checks import number, real_array, require_x64
 from gmwm_jax._internal.tabular import Reading, open_source
 from gmwm_jax._internal.typing import Real
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
 from nav_jax.trajectory.columns import ATTITUDE, POSITION, VELOCITY, Reader, choose
+from nav_jax.trajectory.maps import MAPS
 from nav_jax.trajectory.trajectory import Trajectory
 
 _SAVED = {
@@ -109,11 +110,31 @@ def read_trajectory(
         raise ValueError(f"{source}: {error}") from error
 
 
-def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> Path:
+def save_trajectory(
+    trajectory: Trajectory,
+    path: str | os.PathLike[str],
+    *,
+    origin: Sequence[Real] | np.ndarray | None = None,
+    start: np.datetime64 | None = None,
+    interval: Real = 1.0,
+) -> Path:
     """Write a trajectory to an ``.npz`` or ``.csv`` file that `read_trajectory` reads without further arguments.
 
     The columns are called ``time_s``, ``north_m``, ``roll_rad``, ``velocity_north_m_s`` and so on, so that others can
-    read them too. The file appears whole or not at all.
+    read them too. The file appears whole or not at all. For maps, a ``.kml`` or ``.gpx`` file has the track.
+
+    Parameters
+    ----------
+    trajectory
+        What to write.
+    path
+        The file.
+    origin
+        Of maps: latitude, longitude (rad) and height (m) of the origin.
+    start
+        Of maps: UTC at time zero; without it they have no times.
+    interval
+        Of maps: s between points, at least.
 
     Returns
     -------
@@ -122,7 +143,7 @@ def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> Pat
     Raises
     ------
     ValueError
-        The path ends in neither.
+        The path has another suffix; a map without an origin, or a table with one.
 
     Examples
     --------
@@ -130,18 +151,45 @@ def save_trajectory(trajectory: Trajectory, path: str | os.PathLike[str]) -> Pat
     'circle.npz'
     """
     file = Path(path)
-    parts = (trajectory.time[:, None], trajectory.position, trajectory.euler, trajectory.velocity)
-    table = np.concatenate(parts, axis=1)
-    names = list(_SAVED.values())
-    if file.suffix.lower() == ".npz":
-        arrays: Any = dict(zip(names, table.T, strict=True))
+    suffix = file.suffix.lower()
+    if suffix in MAPS:
+        if origin is None:
+            raise ValueError(f"A map needs to know where the trajectory is: give origin=... to write {file}.")
+        rows = _thinned(trajectory.time, number("interval", interval))
+        geodetic = to_geodetic(trajectory, origin)[rows]
+        degrees = np.column_stack([np.rad2deg(geodetic[:, :2]), geodetic[:, 2]])
+        stamps = None if start is None else _stamps(trajectory.time[rows], start)
+        content = MAPS[suffix](trajectory.name or file.stem, degrees, stamps)
+        return write_atomically(file, lambda stream: stream.write(content))
+    if suffix not in (".npz", ".csv"):
+        raise ValueError(f"Trajectories are saved as .npz, .csv, {', '.join(MAPS)}, and the path is {file}.")
+    if origin is not None or start is not None:
+        raise ValueError(f"origin and start belong to maps ({', '.join(MAPS)}), and the path is {file}.")
+    columns = trajectory_columns(trajectory)
+    if suffix == ".npz":
+        arrays: Any = columns
         return write_atomically(file, lambda stream: np.savez(stream, **arrays))
-    if file.suffix.lower() == ".csv":
-        header = ",".join(names)
-        return write_atomically(
-            file, lambda stream: np.savetxt(stream, table, "%.17g", ",", header=header, comments="")
-        )
-    raise ValueError(f"Trajectories are saved as .npz or .csv, and the path is {file}.")
+    table, header = np.column_stack(list(columns.values())), ",".join(columns)
+    return write_atomically(file, lambda stream: np.savetxt(stream, table, "%.17g", ",", header=header, comments=""))
+
+
+def trajectory_columns(trajectory: Trajectory) -> dict[str, np.ndarray]:
+    """Name with its unit -> column, as `save_trajectory` writes them."""
+    parts = (trajectory.time[:, None], trajectory.position, trajectory.euler, trajectory.velocity)
+    return dict(zip(_SAVED.values(), np.concatenate(parts, axis=1).T, strict=True))
+
+
+def _thinned(time: np.ndarray, interval: float) -> np.ndarray:
+    """The first epoch of each interval, and the last of all."""
+    bins = np.floor((time - time[0]) / interval + 1e-9)
+    rows = np.flatnonzero(np.diff(bins, prepend=-1) > 0)
+    return rows if rows[-1] == len(time) - 1 else np.append(rows, len(time) - 1)
+
+
+def _stamps(time: np.ndarray, start: np.datetime64) -> list[str]:
+    """Instants in UTC, to the millisecond."""
+    moments = start.astype("datetime64[us]") + np.rint(1e6 * time).astype("timedelta64[us]")
+    return [f"{np.datetime_as_string(m, unit='ms')}Z" for m in moments]
 
 
 def to_geodetic(trajectory: Trajectory, origin: Sequence[Real] | np.ndarray) -> np.ndarray:

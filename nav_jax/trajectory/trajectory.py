@@ -168,6 +168,37 @@ class Trajectory(Drawable):
         time = np.minimum(self.time[0] + np.arange(num_steps + 1) / f, self.time[-1])
         return self._from_splines(time, _spline(self.time, self.position), _spline(self.time, self.quaternion))
 
+    def at(self, time: Any) -> "Trajectory":
+        """Interpolate at given times, by cubic splines through positions, velocities and quaternions.
+
+        Parameters
+        ----------
+        time
+            s, increasing, none of them outside the trajectory.
+
+        Raises
+        ------
+        ValueError
+            Fewer than two times, times that do not increase or lie outside; a gap of more than ten usual steps.
+
+        Examples
+        --------
+        >>> nj.motions.straight(duration=10.0, rate=20.0, speed=2.0).at([1.0, 2.5]).position.round(6).tolist()
+        [[2.0, 0.0, 0.0], [5.0, 0.0, 0.0]]
+        """
+        wanted = real_array("The times at which a trajectory is asked for", time, (None,))
+        increasing("The times at which a trajectory is asked for", wanted)
+        self._check_gaps()
+        slack = _ON_GRID / self.rate
+        if wanted[0] < self.time[0] - slack or wanted[-1] > self.time[-1] + slack:
+            raise ValueError(
+                f"The trajectory is known from {self.time[0]:.9g} to {self.time[-1]:.9g} s, and is asked for from "
+                f"{wanted[0]:.9g} to {wanted[-1]:.9g} s."
+            )
+        inside = wanted.clip(self.time[0], self.time[-1])
+        p, v, q = (_spline(self.time, a)(inside) for a in (self.position, self.velocity, self.quaternion))
+        return Trajectory(wanted, p, v, q / np.linalg.norm(q, axis=1, keepdims=True), self.name)
+
     def smoothed(self, knots: Real, *, attitude_knots: Real | None = None) -> "Trajectory":
         """Remove the noise of a recorded reference: the least-squares spline of degree 5 with evenly spaced knots.
 

@@ -132,3 +132,14 @@ NAN[3, 1] = np.nan
 def test_refusals(call, complaint):
     with pytest.raises(ValueError, match=complaint):
         call()
+
+
+def test_at_given_times():
+    reference = motions.lemniscate(duration=10.0, rate=50.0)
+    fine = motions.lemniscate(duration=10.0, rate=200.0)
+    rows = np.array([0, 101, 777, 2000])
+    found = reference.at(fine.time[rows])
+    np.testing.assert_allclose(found.position, fine.position[rows], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found.velocity, fine.velocity[rows], rtol=0, atol=1e-4)
+    with pytest.raises(ValueError, match="is known from 0 to 10 s, and is asked for from 9 to 11 s"):
+        reference.at([9.0, 11.0])

@@ -183,7 +183,7 @@ ROW = "0,0,0,0,0,0,0\n1,1,0,0,0,0,0\n"
         (lambda d: read_trajectory(write(d / "a.parquet", "text")), "no Parquet file"),
         (lambda d: read_trajectory(write(d / "a.nc", "text")), "no netCDF file"),
         (lambda d: read_trajectory(d / "a.xls"), "Unknown suffix"),
-        (lambda d: save_trajectory(REF, d / "a.mat"), "saved as .npz or .csv"),
+        (lambda d: save_trajectory(REF, d / "a.mat"), r"saved as \.npz, \.csv, \.kml, \.gpx"),
         (lambda d: to_geodetic(REF, (45.0, 7.0, 0.0)), "in rad"),
     ],
 )
