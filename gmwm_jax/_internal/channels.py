@@ -49,6 +49,24 @@ class Channels(Mapping[str, T], Drawable, Generic[T]):
     def __len__(self) -> int:
         return len(self._results)
 
+    def export(self, format: str, **options: Any) -> str:
+        """Return all channels in the format of another filter.
+
+        Parameters
+        ----------
+        format, **options
+            As of `gmwm_jax.Fit.export_of`.
+
+        Raises
+        ------
+        TypeError
+            These are no fits.
+        """
+        kind: Any = type(self[0])
+        if not hasattr(kind, "export_of"):
+            raise TypeError(f"Fits are exported, and these are of the class {kind.__name__}.")
+        return kind.export_of(list(self.values()), format, **options)
+
     def __repr__(self) -> str:
         """One row a channel."""
         return type(self[0]).table_of(list(self.values())) if self else "no channels"

@@ -9,6 +9,7 @@ import typer
 from gmwm_jax.app.demo import run_demo
 from gmwm_jax.app.options import (
     Efficiency,
+    Export,
     Json,
     Level,
     Plot,
@@ -18,12 +19,14 @@ from gmwm_jax.app.options import (
     Source,
     beside,
     command,
+    exports,
     pairs,
     say,
     weights_of,
     write_figure,
     write_json,
 )
+from gmwm_jax.fitting.bias import white_and_bias
 from gmwm_jax.fitting.estimator import fit as fit_model
 from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.slopes import read_off
@@ -70,8 +73,10 @@ def wv(
     content: dict[str, Any] = {"rate": rec.rate, "num_samples": len(rec), "level": level}
     if allan:
         adev = allan_deviation(result)
-        tables = {name: read_off(adev[i]) for i, name in enumerate(result.channels)}
-        say(json_file, "\n\n".join([repr(adev), *(f"{name}: {table}" for name, table in tables.items())]))
+        tables = {
+            name: [read_off(adev[i], datasheet=d) for d in (False, True)] for i, name in enumerate(result.channels)
+        }
+        say(json_file, "\n\n".join([repr(adev), *(f"{name}: {shown}" for name, (_, shown) in tables.items())]))
         write_figure(plot, lambda: adev.plot())
         content["times"] = adev.times
         content["channels"] = {
@@ -80,7 +85,8 @@ def wv(
                 "deviation": one.deviation,
                 "ci_low": one.ci_low,
                 "ci_high": one.ci_high,
-                "read_off": tables[name].to_list(),
+                "read_off": tables[name][0].to_list(),
+                "read_off_datasheet": tables[name][1].to_list(),
             }
             for name, one in ((name, adev[name]) for name in result.channels)
         }
@@ -110,6 +116,13 @@ def fit(
     efficiency: Efficiency = 0.6,
     bootstrap: Annotated[int, typer.Option(help="Replicates for intervals and a test of fit, 500 say.")] = 0,
     seed: Seed = 0,
+    export: Export = None,
+    step: Annotated[
+        float | None, typer.Option(help="Of the filter that --export is for, s: what is white at it is white noise.")
+    ] = None,
+    interval: Annotated[
+        float | None, typer.Option(help="Averaging time at which --export matches a random walk to the bias, s.")
+    ] = None,
     json_file: Json = None,
     plot: Plot = None,
 ) -> None:
@@ -125,6 +138,11 @@ def fit(
     boots = [replicate(one, bootstrap, key=jax.random.key(seed), progress=True) for one in singles] if bootstrap else []
     tables = [repr(one) for one in singles] + ([] if isinstance(fits, Fit) else [repr(fits)])
     say(json_file, "\n\n".join(tables + [repr(boot) for boot in boots]))
+    for name, file in exports(export):
+        to_screen = str(file) == "-"
+        text = fits.export(name, path=None if to_screen else file, step=step, interval=interval)
+        if to_screen:
+            typer.echo(text)
     write_figure(plot, lambda: fits.plot(datasheet=lines))
     for boot in boots:
         write_figure(beside(plot, f"bootstrap_{boot.fit.wv.channels[0]}"), boot.plot)
@@ -212,8 +230,13 @@ def units(
         else:
             composite = parse_model(model or "")
         tables = [continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
-        say(json_file, f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}")
-        lists = {"continuous": tables[0].to_list(), "datasheet": tables[1].to_list()}
+        filters = white_and_bias(composite, rate, signal)
+        say(json_file, f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}\n\n{filters}")
+        lists = {
+            "continuous": tables[0].to_list(),
+            "datasheet": tables[1].to_list(),
+            "white_and_bias": filters.to_dict(),
+        }
         write_json(json_file, {"model": repr(composite), "rate": rate, **lists})
     else:
         raise ValueError("Give a number with two units, or --model, or --datasheet. See gmwm-jax units --help.")

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.overwriting import refuse_overwriting
+from gmwm_jax.fitting.exports.registry import FORMATS, format_of
 from gmwm_jax.fitting.weights import NAMED
 from gmwm_jax.recordings import datasets
 from gmwm_jax.recordings.files import read_recording
@@ -42,6 +43,7 @@ def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[.
         def run(**options: Any) -> None:
             try:
                 outputs = [options.get(key) for key in _OUTPUTS]
+                outputs += [path for _, path in exports(options.get("export"))]
                 inputs = [path for path in (options.get("file"),) if path is not None]
                 refuse_overwriting([path for path in outputs if path is not None and str(path) != "-"], inputs)
                 for key, kind in groups.items():
@@ -64,7 +66,7 @@ _OUTPUTS = ("json_file", "plot", "out")
 """Parameters of commands that name a file to be written."""
 
 _OPTIONS = {"units": "unit", "num_levels": "levels"} | {
-    n: n for n in ("rate", "time", "columns", "delimiter", "header", "variable")
+    n: n for n in ("rate", "time", "columns", "delimiter", "header", "variable", "step", "interval")
 }
 
 
@@ -87,6 +89,13 @@ Robust = Annotated[bool, typer.Option("--robust", help="Wavelet variance that gi
 Efficiency = Annotated[float, typer.Option(help="Of the robust wavelet variance, relative to the classic one.")]
 Seed = Annotated[int, typer.Option(help="Of the random numbers.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the results as JSON; '-' for the screen.")]
+Export = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="FORMAT=FILE",
+        help=f"Write the noise for another filter: {', '.join(FORMATS)}; several times if need be; '-' for the screen.",
+    ),
+]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).", callback=_figure_file)]
 
 
@@ -153,6 +162,18 @@ def pairs(text: str) -> dict[str, str]:
         if not equals:
             raise ValueError(f"Cannot read {part.strip()!r}: expected name=value, several separated by commas.")
         found[name.strip()] = value.strip()
+    return found
+
+
+def exports(given: list[str] | None) -> list[tuple[str, Path]]:
+    """Formats and files of ``--export format=file``."""
+    found = []
+    for text in given or []:
+        name, equals, file = text.partition("=")
+        format_of(name)
+        if not equals or not file:
+            raise ValueError(f"Cannot read --export {text}: expected --export {name}=FILE, or {name}=- for the screen.")
+        found.append((name, Path(file)))
     return found
 
 

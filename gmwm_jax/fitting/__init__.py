@@ -22,6 +22,8 @@ How to read a fit
 
 from gmwm_jax._internal.channels import Channels as Channels
 from gmwm_jax.fitting import weights as weights
+from gmwm_jax.fitting.bias import WhiteAndBias as WhiteAndBias
+from gmwm_jax.fitting.bias import white_and_bias as white_and_bias
 from gmwm_jax.fitting.estimator import fit as fit
 from gmwm_jax.fitting.estimator import objective as objective
 from gmwm_jax.fitting.outcome import Outcome as Outcome

@@ -1,6 +1,7 @@
 """What a fit is: the estimates, how sure they are, in which units, and how well they describe the data."""
 
 import enum
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,10 +11,14 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.fitting.bias import WhiteAndBias, summary_rows, white_and_bias
+from gmwm_jax.fitting.exports.noise import ChannelNoise
+from gmwm_jax.fitting.exports.registry import format_of
 from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.standard_errors import delta_method, estimator_derivatives, parameter_covariance, with_errors
 from gmwm_jax.fitting.tables import EstimateTable, LogQuantities, continuous_table, parameter_table
@@ -218,6 +223,31 @@ class Fit(Drawable):
         """Return the quantities of datasheets: N, K, Q, LSB, R, and sigma, correlation time, drive of each GM."""
         return self._continuous(rate, datasheet=True)
 
+    def white_and_bias(
+        self, rate: float | None = None, *, step: float | None = None, interval: float | None = None
+    ) -> WhiteAndBias:
+        """Return the model as white noise and a bias: what is my angle or velocity random walk, and my bias?
+
+        N sums the densities of all components that are white at the step of the filter, whichever of them the fit gave
+        the noise to; K is the random walk that stands for the others; B is the lowest Allan deviation over 0.664. See
+        `gmwm_jax.fitting.bias` for the definitions.
+
+        Parameters
+        ----------
+        rate
+            Sampling rate in Hz, if the data do not know theirs.
+        step, interval
+            In seconds, see `gmwm_jax.fitting.white_and_bias`.
+        """
+        rate = sampling_rate(agreed_rate(self.rate, rate))
+        logs = None
+        if self.covariance is not None:
+            quantities = LogQuantities.of(self.model, rate)
+            values, _, covariance = with_errors(quantities, self.model, self.active, self.covariance)
+            logs = np.asarray(values), np.asarray(covariance)
+        options: Any = {"step": step, "interval": interval, "scales": self.wv.scales, "level": self.level}
+        return white_and_bias(self.model, rate, self.unit, logs=logs, **options)
+
     @property
     def log_quantities(self) -> LogQuantities:
         """The logs of all continuous-time quantities, as a function of the model; per sample without a rate."""
@@ -227,7 +257,7 @@ class Fit(Drawable):
         rate = sampling_rate(agreed_rate(self.rate, rate))
 
         def errors(logs: Any) -> tuple[np.ndarray, np.ndarray]:
-            values, sd = with_errors(logs, self.model, self.active, self.covariance)
+            values, sd, _ = with_errors(logs, self.model, self.active, self.covariance)
             return np.asarray(values), np.asarray(sd)
 
         known = None if self.covariance is None else errors
@@ -253,7 +283,7 @@ class Fit(Drawable):
             str(self.parameters()),
         ]
         if self.rate:
-            lines += ["", str(self.continuous()), "", str(self.datasheet())]
+            lines += ["", str(self.continuous()), "", str(self.datasheet()), "", str(self.white_and_bias())]
         diagonal = self.weights_efficiency(TwoStep().omega(wv, self.model)) if self.weights.inverts_covariance else None
         if diagonal is not None:
             shares = ", ".join(f"{100 * e:.0f} %" for e in diagonal)
@@ -276,7 +306,101 @@ class Fit(Drawable):
             for f in fits
         ]
         foot = "\n* at its boundary" if any(f.at_boundary for f in fits) else ""
-        return f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
+        text = f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
+        timed = [f for f in fits if f.rate]
+        if not timed:
+            return text
+        head, rows = summary_rows([f.wv.channels[0] for f in timed], [f.white_and_bias() for f in timed])
+        return f"{text}\n\nWhite noise and bias, at a step of one sample\n{format_table(head, rows)}"
+
+    def export(
+        self,
+        format: str,
+        *,
+        path: str | os.PathLike[str] | None = None,
+        rate: float | None = None,
+        step: float | None = None,
+        interval: float | None = None,
+    ) -> str:
+        """Return the noise of this channel in the format of another filter; see `export_of`.
+
+        Fits of all channels have the same method, ``gj.fit(rec, model).export("kalibr")``.
+
+        Raises
+        ------
+        ValueError
+            Also where the format wants gyros and accelerometers.
+        """
+        return self.export_of([self], format, path=path, rate=rate, step=step, interval=interval)
+
+    @classmethod
+    def export_of(
+        cls,
+        fits: Sequence["Fit"],
+        /,
+        format: str,
+        *,
+        path: str | os.PathLike[str] | None = None,
+        rate: float | None = None,
+        step: float | None = None,
+        interval: float | None = None,
+    ) -> str:
+        """Return the noise of several channels in the format of another filter, as text for a file of its own.
+
+        Parameters
+        ----------
+        fits
+            Of gyros and accelerometers, told apart by their units.
+        format
+            ``kalibr``, ``openvins``, ``vins``, ``kf-gins``, ``pyins``, ``gtsam``, ``px4``, ``ros`` or ``nav-jax``, see
+            `gmwm_jax.fitting.exports`.
+        path
+            A file to write the text to; it is there whole or not at all.
+        rate
+            Sampling rate in Hz, if the data do not know theirs.
+        step
+            Of the filter in seconds, by default that of the filter as it comes, or else the sampling interval: what is
+            white at it is white noise.
+        interval
+            Averaging time in seconds at which a random walk stands for the bias, see `gmwm_jax.fitting.white_and_bias`.
+
+        Returns
+        -------
+        The text. Its comments say rate, step, units, what was left out and which approximation was made.
+
+        Raises
+        ------
+        ValueError
+            An unknown format, no rate, a unit of no sensor, gyros or accelerometers that are missing, axes that their
+            names do not tell, a number that the format refuses.
+
+        Examples
+        --------
+        >>> fits = gj.fit(gj.datasets.simulated("mti-g", 4000, channels=["gyro_x", "accel_x"]), "WN + RW")
+        >>> text = fits.export("kalibr", path="imu.yaml")
+        >>> [line for line in text.splitlines() if line.startswith("update_rate")]
+        ['update_rate: 100.0  # Hz']
+        """
+        chosen = format_of(format)
+        noises = []
+        for f in fits:
+            own = sampling_rate(agreed_rate(f.rate, rate))
+            filters = f.white_and_bias(own, step=chosen.step_at(own) if step is None else step, interval=interval)
+            parts = dict(zip(f.model.labels, f.model.processes, strict=True))
+            bounded = {label: parts[label].bounded_integral() for label in filters.without}
+            sd = {label: np.nan if v is None else float(np.sqrt(v)) / own for label, v in bounded.items()}
+            noises.append(ChannelNoise(f.wv.channels[0], filters, f._processes(), sd))
+        text = chosen.text(noises)
+        if path is not None:
+            write_atomically(path, lambda file: file.write(text.encode()))
+        return text
+
+    def _processes(self) -> list[dict[str, Any]]:
+        """The components that the data show, for filters and simulations."""
+        return [
+            {"kind": p.kind, **{q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True)}}
+            for p in self.reduced.processes
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and texts, for JSON; what is not identified is None."""
@@ -288,10 +412,7 @@ class Fit(Drawable):
             "efficiency": self.wv.efficiency,
             "model": " + ".join(p.kind for p in self.model.processes),
             # for filters and simulations
-            "processes": [
-                {"kind": p.kind, **{q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True)}}
-                for p in self.reduced.processes
-            ],
+            "processes": self._processes(),
             "objective": self.objective,
             "weights": self.weights.name,
             "level": self.level,
@@ -309,6 +430,7 @@ class Fit(Drawable):
         if self.rate:
             result["continuous"] = self.continuous().to_list()
             result["datasheet"] = self.datasheet().to_list()
+            result["white_and_bias"] = self.white_and_bias().to_dict()
         return result
 
 

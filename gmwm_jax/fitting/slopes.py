@@ -5,17 +5,20 @@ Baselines beside the estimator: IEEE Std 952-1997, annex C, and the Allan varian
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from gmwm_jax import units as units_
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax.fitting.bias import coefficient
 from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.continuous_form import AllanLine, Quantity
+from gmwm_jax.processes.flicker import BI
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.processes.white_noise import WN
@@ -23,7 +26,7 @@ from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
 from gmwm_jax.variance.wavelet import WaveletVariance
 
 
-def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
+def read_off(adev: AllanDeviation, *, tolerance: float = 0.15, datasheet: bool = False) -> EstimateTable:
     """Read N, B and K of one channel off its Allan deviation, as IEEE 952 does.
 
     N is read where the local slope comes closest to -1/2, as the value of that line at 1 s; K where it comes closest
@@ -35,11 +38,13 @@ def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
         One channel.
     tolerance
         How far from -1/2 or +1/2 a slope may be; beyond it the coefficient is not there to be read.
+    datasheet
+        In deg/sqrt(h), ug/sqrt(Hz) and the like; else in SI.
 
     Returns
     -------
     EstimateTable
-        N [u/sqrt(Hz)], B [u], K [u/sqrt(s)] in SI. Intervals are those of the deviation at the point that was read;
+        N [u/sqrt(Hz)], B [u], K [u/sqrt(s)]. Intervals are those of the deviation at the point that was read;
         they know nothing of other processes in it. A coefficient that cannot be read is NaN, and the note says why.
 
     Examples
@@ -71,6 +76,8 @@ def read_off(adev: AllanDeviation, *, tolerance: float = 0.15) -> EstimateTable:
     if at in (0, len(T) - 1):
         note = f"an upper bound: the minimum is at the {'first' if at == 0 else 'last'} time"
     estimates.insert(1, Estimate("Allan", "B", next(values), adev.wv.units[0], *values, note=note))
+    if datasheet:
+        estimates = [_in_datasheet_units(e, adev.wv.units[0]) for e in estimates]
     return EstimateTable("Read off the Allan deviation (IEEE 952)", tuple(estimates), adev.wv.level)
 
 
@@ -159,12 +166,21 @@ def slope_regression(adev: AllanDeviation, ranges: Mapping[str, tuple[float, flo
     return SlopeRegression(table, model, adev)
 
 
+def _in_datasheet_units(e: Estimate, signal: str) -> Estimate:
+    quantity = next(q for q in map(coefficient, (WN, BI, RW)) if q.symbol == e.symbol)
+    shown = quantity.datasheet_units(signal)[0]
+    if shown == e.unit:
+        return e
+    size = units_.unit(shown).factor
+    return replace(e, value=e.value / size, ci_low=e.ci_low / size, ci_high=e.ci_high / size, unit=shown)
+
+
 def _line(cls: type[AbstractProcess]) -> tuple[AllanLine, Quantity]:
     """The line of a process, and its coefficient."""
     form = cls.continuous
     assert form is not None
     assert form.allan_line is not None
-    return form.allan_line, form.datasheet[0]
+    return form.allan_line, coefficient(cls)
 
 
 def _of_coefficient(cls: type[AbstractProcess], coefficient: float, f: float) -> AbstractProcess:

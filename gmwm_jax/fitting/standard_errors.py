@@ -126,8 +126,11 @@ def with_errors(
     model: Composite,
     active: tuple[int, ...],
     covariance: Any,
-) -> tuple[Float[Array, " Q"], Float[Array, " Q"]]:
-    """The values of functions of the model and their standard errors, in one program; see `delta_method`."""
+) -> tuple[Float[Array, " Q"], Float[Array, " Q"], Float[Array, "Q Q"]]:
+    """The values of functions of the model, their standard errors and covariance, in one program; see `delta_method`.
+
+    A row and column of the covariance is NaN where the standard error is.
+    """
     at = np.asarray(active, dtype=int)
     num = model.num_parameters
     # each row and column of all parameters from those of the active ones, or from a row of zeros
@@ -140,12 +143,14 @@ def with_errors(
 @compiled_quickly(static_argnums=(0,))
 def _delta_method(
     quantity: Any, model: Composite, active: Any, covariance: Any
-) -> tuple[Float[Array, " R"], Float[Array, " R"]]:
+) -> tuple[Float[Array, " R"], Float[Array, " R"], Float[Array, "R R"]]:
     J = _jacobian(quantity, model, active)
     lost = jnp.isnan(jnp.diagonal(covariance))
     found = jnp.where(lost[:, None] | lost[None, :], 0.0, covariance)
+    unknown = jnp.any((J != 0) & lost[None, :], axis=1)
+    whole = jnp.where(unknown[:, None] | unknown[None, :], jnp.nan, J @ found @ J.T)
     error = jnp.sqrt(jnp.sum((J @ found) * J, axis=1))
-    return quantity(model), jnp.where(jnp.any((J != 0) & lost[None, :], axis=1), jnp.nan, error)
+    return quantity(model), jnp.where(unknown, jnp.nan, error), whole
 
 
 @compiled_quickly(static_argnums=(0,))

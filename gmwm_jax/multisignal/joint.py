@@ -177,6 +177,11 @@ class JointFit(Drawable):
         """Joint fits of several channels as text: objective, status and the parameters per sample of each."""
         return Fit.table_of([replace(j.fit, objective=j.objective) for j in joints])
 
+    @classmethod
+    def export_of(cls, joints: Sequence["JointFit"], /, format: str, **options: Any) -> str:
+        """The noise of several channels in the format of another filter, see `Fit.export_of`."""
+        return Fit.export_of([j.fit for j in joints], format, **options)
+
     def summary(self) -> str:
         """All of it as text."""
         wv = self.wv
@@ -190,7 +195,7 @@ class JointFit(Drawable):
             str(self.parameters()),
         ]
         if self.rate:
-            lines += ["", str(self.continuous()), "", str(self.datasheet())]
+            lines += ["", str(self.continuous()), "", str(self.datasheet()), "", str(self.fit.white_and_bias())]
         rows = [
             [name, str(r.wv.num_samples or "-"), str(r.wv.num_scales), number(r.objective)]
             for name, r in zip(self.names, self.records, strict=True)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line, Mark, Points, Span
 from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
-from gmwm_jax.fitting.slopes import SlopeRegression
+from gmwm_jax.fitting.slopes import SlopeRegression, read_off
 from gmwm_jax.plotting._style import (
     COMPONENTS,
     DATA,
@@ -30,7 +30,7 @@ from gmwm_jax.plotting._style import (
     variance_axis,
     variance_items,
 )
-from gmwm_jax.variance.allan import AllanDeviation
+from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
 from gmwm_jax.variance.robust_comparison import RobustComparison
 from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
 
@@ -168,7 +168,9 @@ def plot_robust_comparison(
     return figure
 
 
-def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | None = None) -> tuple[Frame, ...]:
+def allan_deviation_data(
+    adev: AllanDeviation, *, regression: SlopeRegression | None = None, readings: bool = True
+) -> tuple[Frame, ...]:
     """Return what `plot_allan_deviation` shows: a frame for each unit.
 
     Parameters
@@ -177,6 +179,9 @@ def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | 
         One or several channels.
     regression
         Slopes, and the deviation they imply together; of one channel.
+    readings
+        Show what `gmwm_jax.fitting.read_off` reads, where there is no regression: the points of N, B and
+        K, and in a frame of one channel their lines of slope -1/2, 0 and +1/2.
 
     Examples
     --------
@@ -197,14 +202,42 @@ def allan_deviation_data(adev: AllanDeviation, *, regression: SlopeRegression | 
             for label, p in zip(regression.model.labels, regression.model.processes, strict=True):
                 items.append(Line(label, times, np.sqrt(2 * np.asarray(p.wavelet_variance(tau)))))
             items.append(Line("sum", times, np.asarray(regression.implied_deviation)))
+        elif readings:
+            items += _read_off([adev[i] for i in members])
         time, deviation = Axis("averaging time T", "s", "log"), Axis("Allan deviation", unit, "log")
         shown.append(Frame(title_of(wv, members), time, deviation, tuple(items)))
     return tuple(shown)
 
 
+def _read_off(adevs: list[AllanDeviation]) -> list[Item]:
+    """What is read off some channels, at the times at which it is read; with the lines if there is one channel."""
+    lines: list[Item] = []
+    points, names = [], []
+    for adev in adevs:
+        T = adev.times
+        if len(T) < 3 or not np.all(adev.deviation > 0):
+            continue
+        unit_lines = {"N": T**-0.5, "B": np.full_like(T, FLICKER_FLOOR), "K": np.sqrt(T / 3)}
+        for si, shown in zip(read_off(adev), read_off(adev, datasheet=True), strict=True):
+            if np.isnan(si.value):
+                continue
+            line = si.value * unit_lines[si.symbol]
+            bound = "≤" if str(si.note).startswith("an upper bound") else "="
+            lines.append(Line(f"{si.symbol} {bound} {shown.value:.4g} {shown.unit}", T, line))
+            at = int(np.argmin(np.abs(np.log(line / adev.deviation))))  # where it was read they are the same
+            points.append((T[at], line[at]))
+            names.append(si.symbol)
+    x, y = np.array(points).reshape(-1, 2).T
+    return [*(lines if len(adevs) == 1 else []), Points("", x, y, tuple(names))]
+
+
 @draw.register(AllanDeviation)
 def plot_allan_deviation(
-    adev: AllanDeviation, *, regression: SlopeRegression | None = None, axes: GivenAxes | None = None
+    adev: AllanDeviation,
+    *,
+    regression: SlopeRegression | None = None,
+    readings: bool = True,
+    axes: GivenAxes | None = None,
 ) -> Figure:
     """Plot the Allan deviation over averaging time with its confidence band.
 
@@ -214,6 +247,9 @@ def plot_allan_deviation(
         One or several channels; channels of one unit share a frame.
     regression
         Slopes to draw, and the deviation they imply together; of one channel.
+    readings
+        Draw what `gmwm_jax.fitting.read_off` reads, where there is no regression: the points of N, B and
+        K, and in a frame of one channel their lines of slope -1/2, 0 and +1/2.
     axes
         An Axes for each unit to draw into; a new figure if left out.
 
@@ -223,13 +259,25 @@ def plot_allan_deviation(
     >>> figure = gj.plotting.plot_allan_deviation(gj.allan_deviation(rec))
     >>> figure.savefig("allan_deviation.png")
     """
-    shown = allan_deviation_data(adev, regression=regression)
+    shown = allan_deviation_data(adev, regression=regression, readings=readings)
     figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))
     for ax, frame in zip(drawn, shown, strict=True):
-        if slopes := draw_variances(ax, frame):
-            for item, colour in zip(slopes[:-1], cycle(COMPONENTS), strict=False):
-                put(ax, item, color=colour, lw=1, ls="--")
-            put(ax, slopes[-1], color=FIT, lw=1.4)
-            ax.set_ylim(lowest(adev.ci_low, adev.deviation) / 3, np.max(adev.ci_high) * 3)
+        more = draw_variances(ax, frame)
+        lines = [i for i in more if isinstance(i, Line)]
+        total = lines.pop() if regression is not None else None
+        for item, colour in zip(lines, cycle(COMPONENTS), strict=False):
+            put(ax, item, color=colour, lw=1, ls="--")
+        if total is not None:
+            put(ax, total, color=FIT, lw=1.4)
+        for item in more:
+            if isinstance(item, Points):
+                put(ax, item, marker="D", ls="", color="0.25", ms=5, mfc="white", zorder=3)
+                for name, x, y in zip(item.names, item.x, item.y, strict=True):
+                    ax.annotate(name, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=8, color="0.25")
+        if more:
+            bands = [i for i in frame.items if isinstance(i, Band)]
+            curves = [i for i in frame.items if isinstance(i, Line)][: len(bands)]
+            bottom = min(lowest(b.low, c.y) for b, c in zip(bands, curves, strict=True))
+            ax.set_ylim(bottom / 3, max(np.max(b.high) for b in bands) * 3)
         legend(ax, adev.wv.level)
     return figure
