@@ -4,8 +4,9 @@ import os
 import subprocess
 import sys
 
-MOST = 8
-"""The search, the covariance of the wavelet variance, that of the parameters, the tables; the others are single
+MOST = 9
+"""The search, the covariance of the wavelet variance, that of the parameters, the tables, the components that a filter takes
+for white noise and bias; the others are single
 operations of the library that descends."""
 
 PROGRAM = """
