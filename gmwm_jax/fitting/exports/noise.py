@@ -143,7 +143,7 @@ def _of_channel(c: ChannelNoise) -> list[str]:
     one = c.filter
     rows = {}
     for e, si in zip(one.table(), one.table(datasheet=False), strict=True):
-        rows[e.symbol] = f"{e.symbol} = {si.value:.6g} {si.unit} = {e.value:.6g} {e.unit}"
+        rows[e.symbol] = f"{e.symbol} = {si.value:.6g} {si.unit} = {e.value:.4g} {e.unit}"
     white = " + ".join(one.white) or "nothing is white at the step"
     bias = f"{' + '.join(one.bias)}, T = {one.interval:.4g} s, {one.chosen}" if one.bias else "nothing else is there"
     bound = " or less" if one.upper_bound else ""

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from gmwm_jax import __main__
 from gmwm_jax.app import cli
 from gmwm_jax.app.cli import app
+from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Status
 from gmwm_jax.recordings import datasets
 from gmwm_jax.recordings.files import read_recording, save_recording
@@ -117,6 +118,11 @@ def test_allan(npz):
     stdout = call("wv", npz, "--allan").stdout
     assert stdout.startswith("Overlapping Allan deviation at 100 Hz")
     assert stdout.count("Read off the Allan deviation (IEEE 952)") == 3
+    assert "deg/sqrt(h)" in stdout
+    one = json.loads(call("wv", npz, "--allan", "--json", "-").stdout)["channels"]["gyro_x"]
+    si, shown = (one[key][0] for key in ("read_off", "read_off_datasheet"))
+    assert (si["unit"], shown["unit"]) == ("rad/s/sqrt(Hz)", "deg/sqrt(h)")
+    assert shown["value"] == pytest.approx(np.rad2deg(si["value"]) * 60, rel=1e-12)
 
 
 MAGIC = {".png": b"\x89PNG\r\n\x1a\n", ".pdf": b"%PDF-", ".svg": b"<?xml"}
@@ -187,6 +193,41 @@ def test_wv_without_outliers(npz, rec):
     content = json.loads(call("wv", npz, "--robust", "--efficiency", "0.9", "--json", "-").stdout)
     robust = wavelet_variance(rec["gyro_x"], efficiency=0.9)
     np.testing.assert_allclose(content["channels"]["gyro_x"]["variance"], robust.variance, rtol=1e-12)
+
+
+def test_fit_exports(npz, tmp_path, wv):
+    """The files are those of the library; the screen takes one, too."""
+    arguments = ["fit", npz, "--model", MODEL]
+    kalibr, px4 = tmp_path / "imu.yaml", tmp_path / "ekf2.params"
+    stdout = call(*arguments, "--export", f"kalibr={kalibr}", "--export", f"px4={px4}", "--export", "vins=-").stdout
+    fits = fit(wv, MODEL)
+    assert kalibr.read_text() == fits.export("kalibr")
+    assert px4.read_text() == fits.export("px4")
+    assert fits.export("vins") in stdout
+    assert "White noise and bias of a filter with a step of 0.01 s" in stdout
+    call(*arguments, "--export", f"kalibr={kalibr}", "--step", "0.02", "--interval", "1")
+    assert kalibr.read_text() == fits.export("kalibr", step=0.02, interval=1.0)
+    call(*arguments, "--channels", "gyro_x", "--export", f"ros={kalibr}")
+    assert "angular_velocity_covariance" in kalibr.read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--export", "matlab=a"], "There is no format 'matlab' to export to; there are kalibr, openvins"),
+        (["--export", "kalibr"], "Cannot read --export kalibr: expected --export kalibr=FILE"),
+        (["--export", "kalibr={source}"], "would be written over"),
+        (["--export", "kalibr=a", "--export", "vins=a"], "a would be written twice"),
+        (["--export", "gtsam=-"], "There are gyro_x, gyro_y"),
+        (["--export", "ros=-", "--step", "0.001"], "--step is 0.001 s, and the samples of the model are 0.01 s apart"),
+        (["--export", "kalibr=-", "--channels", "gyro"], "of accelerometers there are none: there is gyro_x, gyro_y"),
+    ],
+)
+def test_exports_that_do_not_suit(npz, options, message):
+    before = npz.read_bytes()
+    result = call("fit", npz, "--model", MODEL, *(o.format(source=npz) for o in options), code=1)
+    assert message in result.stderr
+    assert npz.read_bytes() == before
 
 
 # select

@@ -5,9 +5,8 @@ import subprocess
 import sys
 
 MOST = 9
-"""The search, the covariance of the wavelet variance, that of the parameters, the tables, the components that a filter takes
-for white noise and bias; the others are single
-operations of the library that descends."""
+"""The search, the covariance of the wavelet variance, that of the parameters, the tables, what is white noise and bias
+to a filter; the others are single operations of the library that descends."""
 
 PROGRAM = """
 import jax

@@ -154,11 +154,35 @@ def test_allan_deviation(wv):
         assert ax.get_xlabel() == "averaging time T [s]"
     assert (gyro.get_ylabel(), accel.get_ylabel()) == ("Allan deviation [rad/s]", "Allan deviation [m/s²]")
     assert legend(gyro) == ["gyro_x", "gyro_y"]
-    assert legend(accel) == ["overlapping Allan deviation"]
+    read = gmwm_jax.fitting.read_off(adev["accel_x"], datasheet=True)
+    known = [
+        f"{e.symbol} {'≤' if 'upper' in e.note else '='} {e.value:.4g} {e.unit}" for e in read if e.value == e.value
+    ]
+    assert legend(accel) == ["overlapping Allan deviation", *known]
     assert_line(gyro, "gyro_y", adev.times, np.sqrt(2 * wv.variance[:, 1]))
     assert_line(accel, "overlapping Allan deviation", wv.scales / 200, np.sqrt(2 * wv.variance[:, 2]))
     one = adev["accel_x"]
     assert_band(accel, one.times, one.ci_low, one.ci_high)
+
+
+def test_what_is_read_off_the_allan_deviation_is_drawn(wv):
+    """Lines of slope -1/2 and 0 (and +1/2) through the points at which the coefficients are read."""
+    adev = gmwm_jax.allan_deviation(wv["gyro_x"])
+    table = gmwm_jax.fitting.read_off(adev)
+    (ax,) = plot_allan_deviation(adev).axes
+    lines = {label[0]: line(ax, label) for label in legend(ax)[1:]}
+    assert lines
+    shapes = {"N": adev.times**-0.5, "B": 0.66428 * np.ones_like(adev.times), "K": np.sqrt(adev.times / 3)}
+    for symbol, drawn in lines.items():
+        np.testing.assert_allclose(drawn.get_ydata(), table["Allan", symbol].value * shapes[symbol], rtol=1e-4)
+        touches = np.isclose(drawn.get_ydata(), adev.deviation, rtol=1e-9)
+        assert touches.any()
+    assert [text.get_text() for text in ax.texts] == list(lines)
+    (bare,) = plot_allan_deviation(adev, readings=False).axes
+    assert legend(bare) == ["overlapping Allan deviation"]
+    short = gmwm_jax.allan_deviation(gmwm_jax.wavelet_variance(np.random.default_rng(1).normal(size=10), rate=1.0))
+    (ax,) = plot_allan_deviation(short).axes
+    assert legend(ax) == ["overlapping Allan deviation"]
 
 
 def test_allan_deviation_with_slopes(wv):

@@ -8,12 +8,12 @@ import gmwm_jax as gj
 from gmwm_jax.variance.allan import FLICKER_FLOOR
 
 
-def exact(model, rate, levels=20, num_samples=None):
+def exact(model, rate, levels=20, num_samples=None, unit="rad/s"):
     """The Allan deviation that a model has in theory, as if it had been measured."""
     tau = 2.0 ** np.arange(1, levels + 1)
     nu = np.asarray(gj.parse_model(model).wavelet_variance(tau))
     table = gj.variance.WaveletVariance.from_table(
-        tau, nu, 0.9 * nu, 1.1 * nu, rate=rate, num_samples=num_samples, unit="rad/s", name="gyro_x"
+        tau, nu, 0.9 * nu, 1.1 * nu, rate=rate, num_samples=num_samples, unit=unit, name="gyro_x"
     )
     return gj.allan_deviation(table)
 
@@ -42,6 +42,29 @@ def test_coefficients_are_read_off_pure_processes():
     lowest = np.sqrt(np.min(N**2 / adev.times + K**2 * adev.times / 3))
     assert table["Allan", "B"].value == pytest.approx(lowest / 0.6643, rel=1e-3, abs=0)
     assert pytest.approx(0.6643, abs=1e-4) == FLICKER_FLOOR
+
+
+@pytest.mark.parametrize(
+    ("unit", "N", "B", "K"),
+    [
+        (
+            "rad/s",
+            ("deg/sqrt(h)", 60 * 180 / np.pi),
+            ("deg/h", 3600 * 180 / np.pi),
+            ("deg/h/sqrt(h)", 3600 * 60 * 180 / np.pi),
+        ),
+        ("m/s^2", ("ug/sqrt(Hz)", 1e6 / 9.80665), ("ug", 1e6 / 9.80665), ("m/s/h/sqrt(h)", 3600 * 60.0)),
+        ("1", ("1/sqrt(Hz)", 1.0), ("1", 1.0), ("1/sqrt(s)", 1.0)),
+    ],
+)
+def test_coefficients_in_the_units_of_datasheets(unit, N, B, K):
+    adev = exact("WN(sigma2=1e-4) + RW(gamma2=1e-10)", 100.0, num_samples=2**22, unit=unit)
+    si, shown = gj.fitting.read_off(adev), gj.fitting.read_off(adev, datasheet=True)
+    for a, b, (name, size) in zip(si, shown, (N, B, K), strict=True):
+        assert b.unit == name
+        assert (a.symbol, a.note) == (b.symbol, b.note)
+        for end in ("value", "ci_low", "ci_high"):
+            assert getattr(b, end) == pytest.approx(size * getattr(a, end), rel=1e-12, abs=0)
 
 
 def test_what_is_not_there_is_not_read():
