@@ -37,6 +37,12 @@ gmwm-jax select imu.npz --channels accel_x --model "WN + QN + RW + 2*GM" --plot 
 gmwm-jax fit imu.npz --channels accel_x --model "WN + RW + GM" --weights covariance --bootstrap 500 --robust
 ```
 
+The parameter files of other filters, whose comments say units, rate and what was left out:
+
+```sh
+gmwm-jax fit imu.npz --model "WN + RW + GM" --export kalibr=imu.yaml --export px4=ekf2.params --export nav-jax=fit.json
+```
+
 Units, without any data:
 
 ```console

@@ -16,8 +16,23 @@ How to read a fit
 * not told apart from others: the data fix a sum of components and not its parts; these have a value but no interval.
 * agreement: the share of descents, from many starting points, that came to the same minimum. A low one says that the data
   hardly tell the components apart.
+* white noise and bias: what is my angle or velocity random walk? N of the last table, the density of all components that are
+  white at the step of the filter together: white noise that comes out as zero beside a Gauss-Markov process of half a sample
+  is there again. K is the random walk that stands for all the others, B the lowest Allan deviation over 0.664: see `bias`.
 * intervals: 95 %, by the delta method from the exact covariance of the wavelet variance under the fitted model, symmetric on
   the log (phi: logit) scale. They assume that the model is right and the noise Gaussian.
+
+Out to other filters
+--------------------
+Fits of all channels write the parameter files of Kalibr, OpenVINS, VINS, KF-GINS, pyins, GTSAM, PX4, ROS and nav-jax; their
+comments say units, rate, what was left out and which approximation was made. The table of formats is that of `exports`.
+
+```python
+fits = gj.fit(gj.datasets.simulated("mti-g", 20_000), "WN + RW + GM")
+fits.export("kalibr", path="imu.yaml")
+print(fits.export("px4", step=0.01))  # white noise is what is white at the step of the filter
+print(fits["gyro_x"].white_and_bias())
+```
 """  # noqa: E501
 
 from gmwm_jax._internal.channels import Channels as Channels

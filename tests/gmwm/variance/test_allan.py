@@ -7,6 +7,8 @@ import pytest
 import gmwm_jax as gj
 from gmwm_jax.variance.allan import FLICKER_FLOOR
 
+DEG = 180 / np.pi
+
 
 def exact(model, rate, levels=20, num_samples=None, unit="rad/s"):
     """The Allan deviation that a model has in theory, as if it had been measured."""
