@@ -389,7 +389,8 @@ class Fit(Drawable):
             parts = dict(zip(f.model.labels, f.model.processes, strict=True))
             bounded = {label: parts[label].bounded_integral() for label in filters.without}
             sd = {label: np.nan if v is None else float(np.sqrt(v)) / own for label, v in bounded.items()}
-            noises.append(ChannelNoise(f.wv.channels[0], filters, f._processes(), sd))
+            name = " ".join(f.wv.channels[0].split())  # it stands in comments, which end with the line
+            noises.append(ChannelNoise(name, filters, f._processes(), sd))
         text = chosen.text(noises)
         if path is not None:
             write_atomically(path, lambda file: file.write(text.encode()))

@@ -1,6 +1,6 @@
 """Kalibr's ``imu.yaml``, and OpenVINS's ``kalibr_imu_chain.yaml``, which has the same numbers with intrinsics."""
 
-from gmwm_jax.fitting.exports.noise import ChannelNoise, ImuNoise, comments, largest, real
+from gmwm_jax.fitting.exports.noise import ImuNoise, comments, largest, real
 
 _KEYS = (
     ("accelerometer", "accel", "m/s^2/sqrt(Hz)", "m/s^3/sqrt(Hz)"),
@@ -9,21 +9,7 @@ _KEYS = (
 
 
 def kalibr(imu: ImuNoise) -> str:
-    """Write Kalibr's file.
-
-    Raises
-    ------
-    ValueError
-        A density or a random walk of zero, which Kalibr refuses.
-    """
-    for c in imu.channels:
-        hint = (
-            f"no component is white at a step of {imu.step:g} s; at a longer one, step=..., or in a model with WN "
-            "there is."
-        )
-        _require(c, c.filter.N, "noise density", hint)
-        hint = "fit a model with a random walk or a Gauss-Markov process."
-        _require(c, c.filter.K, "random walk", f"its model has white noise only; {hint}")
+    """Write Kalibr's file."""
     return "\n".join(
         [
             *comments(imu, "Kalibr, imu.yaml"),
@@ -68,8 +54,3 @@ def _numbers(imu: ImuNoise) -> list[str]:
             f"{key}_random_walk: {real(K)}  # {walk}, {of_K}",
         ]
     return lines
-
-
-def _require(c: ChannelNoise, value: float, what: str, hint: str) -> None:
-    if not value > 0:
-        raise ValueError(f"Kalibr refuses a {what} of zero, and {c.name} has none: {hint}")

@@ -40,7 +40,9 @@ def kf_gins(imu: ImuNoise) -> str:
         "gsstd and asstd (ppm) are scale factors: keep yours in this section.",
         "Without initbgstd and initbastd the biases start with gbstd and abstd, and not with what a turn-on bias has.",
     ]
-    if at_end:
+    if not any(c.filter.bias for c in imu.channels):
+        remarks.append("No channel has a bias: any corrtime will do.")
+    elif at_end:
         remarks.append("corrtime is the longest that was tried: the biases are random walks.")
     return "\n".join(
         [
@@ -61,7 +63,7 @@ def _sigma(one: WhiteAndBias, time: float) -> float:
 
 
 def _common_time(filters: list[WhiteAndBias]) -> tuple[float, bool]:
-    """Correlation time of all biases, and whether it is the longest of those tried."""
+    """Correlation time of all biases, and whether it is the longest of those tried; the shortest if there are none."""
     longest = max(one.times[-1] for one in filters) * _LONGEST
     tried = np.geomspace(max(one.step for one in filters), longest, _TRIED)
     distance = np.zeros(_TRIED)
@@ -73,7 +75,7 @@ def _common_time(filters: list[WhiteAndBias]) -> tuple[float, bool]:
         white, bias = one.N**2 / one.times[on], one.bias_deviation**2
         reached = white + bias[k] * unit[:, on] / unit[:, k : k + 1]
         distance += np.sum(np.log(reached / (white + bias[on])) ** 2, axis=1)
-    best = int(np.argmin(distance)) if np.any(distance > 0) else _TRIED - 1
+    best = int(np.argmin(distance))
     return float(tried[best]), best == _TRIED - 1
 
 

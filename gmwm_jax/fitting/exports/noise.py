@@ -75,6 +75,32 @@ class ImuNoise:
                     f"{names}. Export the fits of both together, Fit.export_of([gyro, accel], ...)."
                 )
 
+    def require_noise(self, title: str, symbol: str, *, every: bool) -> None:
+        """Raise where a sensor has no white noise (N) or no bias (K).
+
+        Parameters
+        ----------
+        title, symbol
+            Who refuses zero, and of which number.
+        every
+            Of each axis, not only of the noisiest.
+        """
+        what, why = {
+            "N": (
+                "noise density",
+                f"no component is white at a step of {self.step:g} s; at a longer one, step=..., or in a model with WN "
+                "there is.",
+            ),
+            "K": (
+                "random walk",
+                "its model has white noise only; fit one with a random walk or a Gauss-Markov process.",
+            ),
+        }[symbol]
+        for channels in filter(None, (self.gyro, self.accel)):
+            found = (min if every else max)(channels, key=lambda c: getattr(c.filter, symbol))
+            if not getattr(found.filter, symbol) > 0:
+                raise ValueError(f"{title} refuses a {what} of zero, and {found.name} has none: {why}")
+
 
 def largest(channels: Sequence[ChannelNoise], value: Callable[[ChannelNoise], float]) -> tuple[float, str]:
     """The largest value of the axes, and where it is from: too little noise is worse for a filter than too much."""

@@ -21,6 +21,10 @@ class Format(NamedTuple):
     write: Callable[[ImuNoise], str]
     both: bool = False
     """Is it of no use without gyros and without accelerometers?"""
+    positive: str = "N"
+    """Which of N and K may not be zero: a covariance would have no inverse, or zero means something else."""
+    axes: bool = False
+    """Has each axis numbers of its own?"""
     step: float | None = None
     """Of the filter as it comes, s; None: as the samples."""
 
@@ -33,19 +37,21 @@ class Format(NamedTuple):
         imu = ImuNoise.of(channels)
         if self.both:
             imu.require_both(self.title)
+        for symbol in self.positive:
+            imu.require_noise(self.title, symbol, every=self.axes)
         return self.write(imu)
 
 
 FORMATS = {
-    "kalibr": Format("Kalibr", kalibr, both=True),
+    "kalibr": Format("Kalibr", kalibr, both=True, positive="NK"),
     "openvins": Format("OpenVINS", openvins, both=True),
-    "vins": Format("VINS", vins, both=True),
-    "kf-gins": Format("KF-GINS", kf_gins, both=True),
-    "pyins": Format("pyins", pyins, step=0.1),
-    "gtsam": Format("GTSAM", gtsam),
+    "vins": Format("VINS", vins, both=True, positive="NK"),
+    "kf-gins": Format("KF-GINS", kf_gins, both=True, axes=True),
+    "pyins": Format("pyins", pyins, axes=True, step=0.1),
+    "gtsam": Format("GTSAM", gtsam, positive="NK", axes=True),
     "px4": Format("PX4", px4, step=PX4_STEP),
-    "ros": Format("ROS", ros),
-    "nav-jax": Format("nav-jax", nav_jax, both=True),
+    "ros": Format("ROS", ros, axes=True),
+    "nav-jax": Format("nav-jax", nav_jax, both=True, positive="", axes=True),
 }
 
 

@@ -305,6 +305,11 @@ def test_what_does_not_suit_is_refused():
         Fit.export_of([fit_of("gyro_x", "rad/s", "WN(sigma2=1)"), fits["accel_x"]], "kalibr")
     with pytest.raises(ValueError, match=r"Kalibr refuses a noise density of zero, and gyro_x has none: no comp"):
         Fit.export_of([fit_of("gyro_x", "rad/s", "RW(gamma2=1)"), fits["accel_x"]], "kalibr")
+    for format in ("vins", "gtsam"):
+        with pytest.raises(ValueError, match=r"refuses a random walk of zero"):
+            Fit.export_of([fit_of("gyro_x", "rad/s", "WN(sigma2=1)"), fits["accel_x"]], format)
+    with pytest.raises(ValueError, match=r"ROS refuses a noise density of zero, and gyro_y has none"):
+        Fit.export_of([fits["gyro_x"], fit_of("gyro_y", "rad/s", "RW(gamma2=1)"), fits["gyro_z"]], "ros")
     with pytest.raises(ValueError, match=r"one channel for all of them is wanted, or three .* are gyro_x, gyro_y"):
         Fit.export_of([fits["gyro_x"], fits["gyro_y"]], "gtsam")
     other = fit_of("accel_x", "m/s^2", "WN(sigma2=1)", rate=100.0)
@@ -318,6 +323,35 @@ class Odd:
     @classmethod
     def table_of(cls, results):
         return ""
+
+
+def test_one_noisy_axis_is_enough_where_there_is_one_number():
+    quiet = [fit_of(f"{s}_y", u, "WN(sigma2=1e-9)") for s, u in (("gyro", "rad/s"), ("accel", "m/s^2"))]
+    fits = imu()
+    found = parse_yaml(Fit.export_of([*quiet, fits["gyro_x"], fits["accel_x"]], "kalibr"))
+    assert found["gyroscope_random_walk"] == pytest.approx(K_GYRO[0], rel=1e-8)
+
+
+def test_biases_that_are_not_there():
+    fits = [fit_of("gyro_x", "rad/s", "WN(sigma2=1e-6)"), fit_of("accel_x", "m/s^2", "WN(sigma2=1e-4)")]
+    text = Fit.export_of(fits, "kf-gins")
+    found = parse_yaml(text)["imunoise"]
+    assert (found["gbstd"], found["abstd"]) == ([0.0] * 3, [0.0] * 3)
+    assert found["corrtime"] > 0
+    assert "No channel has a bias: any corrtime will do." in text
+    names = {}
+    exec(Fit.export_of(fits, "pyins"), names)
+    assert names["GYRO"]["bias_walk"] == [0.0] * 3
+
+
+def test_a_name_does_not_end_a_comment():
+    fits = [
+        fit_of("gyro_x\nupdate_rate: 1.0", "rad/s", "WN(sigma2=1e-6) + RW(gamma2=1e-12)"),
+        fit_of("accel_x", "m/s^2", "WN(sigma2=1e-6) + RW(gamma2=1e-12)"),
+    ]
+    text = Fit.export_of(fits, "kalibr")
+    assert text.count("\nupdate_rate") == 1
+    assert parse_yaml(text)["update_rate"] == RATE
 
 
 def test_axes_are_told_by_the_ends_of_their_names():
