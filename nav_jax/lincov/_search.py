@@ -131,7 +131,8 @@ def _descend(
 
     def one(start: Array, mask: Array, walk: Array):
         def loss(x: Array, _: None) -> Array:
-            value = mean_loss(courses, family.bank(x, mask, walk), objective)
+            # a program of its own, which the solver traces once wherever it asks for the loss
+            value = _loss(courses, family, x, mask, walk, objective)
             return jnp.where(jnp.isfinite(value), value, _BROKEN) + _PULL * jnp.sum((x - start) ** 2)
 
         found = optx.minimise(loss, solver, start, max_steps=max_steps, throw=False)

@@ -222,10 +222,12 @@ def analyse(
     filters = named_filters(truth, filters)
     setup = Setup(scenario, check_rates(truth, filters))
     motion = motion_of(setup.experiment)
+    # always given: with or without it there is one program
+    initial = scenario.initial if believed_initial is None else believed_initial
     found = {
         name: covariances_of(
             setup,
-            linear_covariance(setup.experiment, truth, f, believed_initial=believed_initial, motion=motion),
+            linear_covariance(setup.experiment, truth, f, believed_initial=initial, motion=motion),
             f,
             name,
             _unexcited(truth, f),

@@ -1,5 +1,13 @@
-"""Sensors, models and runs that the tests of the filter share. The numbers are those of R's lemniscate example."""
+"""Sensors, models, scenarios and results that test files share, those of tests/validation too.
 
+Each length of a trajectory, set of aiding sensors and structure of a noise model is programs of its own, which take
+longer to compile than to run: tests take these unless another one is their point. The numbers of the sensors are those
+of R's lemniscate example.
+"""
+
+from functools import cache
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -54,6 +62,66 @@ def on_arms():
         nj.GnssPosition(1.0, horizontal=0.05, vertical=0.1, lever_arm=ARM),
         nj.Odometer(2.0, speed=0.03, sideways=0.05, lever_arm=WHEEL_ARM, scale_sd=0.02),
     )
+
+
+# -- covariances ------------------------------------------------------------------------------------------------------
+
+OUTAGE = (12.0, 20.0)
+START = nj.InitialUncertainty(0.05, 0.02, 0.002)
+SCENARIO = nj.Scenario(nj.motions.lemniscate(20.0, RATE), aiding(*OUTAGE), START, every=10)
+TRUTH = nj.ImuErrors(
+    gj.WN(6e-5) + gj.GM(0.01, 4e-5) + gj.GM(0.0005, 1e-4), gj.WN(1.5e-6) + gj.GM(0.002, 3e-7), RATE, gyro_bias_sd=1e-4
+)
+FEWER = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.01, 4e-5), gj.WN(1.5e-6), RATE, gyro_bias_sd=1e-4)
+"""What a filter believes that has fewer states than `TRUTH`."""
+
+
+@cache
+def experiment():
+    """`SCENARIO`, prepared."""
+    return nj.filter.prepare(SCENARIO, rate=RATE)
+
+
+@cache
+def motion():
+    """Of `SCENARIO`."""
+    return nj.lincov.motion_of(experiment())
+
+
+def covariances(truth, believed):
+    """Along `SCENARIO`: the program of `nav_jax.analyse` there."""
+    return nj.lincov.linear_covariance(experiment(), truth, believed, believed_initial=START, motion=motion())
+
+
+@cache
+def designed():
+    """Filters with no or one process of the gyros, for a truth with one, and two of the accelerometers."""
+    scenario = nj.Scenario(nj.motions.lemniscate(12.0, RATE), aiding(6.0, 12.0), START, every=20)
+    return nj.design(scenario, TRUTH, max_accel=0, max_gyro=1, num_starts=1)
+
+
+@cache
+def fits():
+    """Of the accelerometers and the gyros, from a short static recording."""
+    out = []
+    for model, seed in (("WN(sigma2=6e-5) + GM(beta=0.005, variance=4e-5)", 1), ("WN(sigma2=1.5e-6)", 2)):
+        x = np.asarray(gj.simulate(model, 20_000, key=jax.random.key(seed)))
+        wv = gj.wavelet_variance(gj.Recording.from_array(x, rate=RATE, units="m/s^2" if seed == 1 else "rad/s"))
+        kinds = " + ".join(p.kind for p in gj.parse_model(model).processes)
+        out.append(gj.fit(wv, kinds))
+    return out
+
+
+# -- smoothing --------------------------------------------------------------------------------------------------------
+
+SMOOTHED_OUTAGE = (6.0, 12.0)
+SMOOTHED = nj.Scenario(
+    nj.motions.lemniscate(16.0, RATE), aiding(*SMOOTHED_OUTAGE)[:2], nj.InitialUncertainty(0.1, 0.05, 0.01), every=10
+)
+SMOOTHED_ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.002, 2e-5), gj.WN(1.5e-6) + gj.GM(0.005, 2e-7), RATE)
+
+
+# -- runs -------------------------------------------------------------------------------------------------------------
 
 
 def quiet_inputs(experiment, num_states=0, num_runs=1):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -88,6 +89,14 @@ def test_it_measures_what_it_says(case):
         np.testing.assert_allclose(seen[:, run], case.measures(p, v, C, x, rate), rtol=1e-12, atol=1e-13)
 
 
+@eqx.filter_jit
+def after_error(sensor, state, body, c):
+    """What is measured after an error c of the state, the body's motion included."""
+    layout = layout_of(sensor)
+    moved = BodyMotion(body.force + c[layout["force"]], body.rate + c[layout["rate"]])
+    return sensor.predict(inject(state, c[: layout["own"].stop]), moved)
+
+
 @every_sensor
 def test_the_jacobian_is_the_derivative_along_an_injected_error(case):
     """What the sensor states of it, and what autodiff finds, against central differences of h: 1e-8 of 1."""
@@ -95,19 +104,14 @@ def test_the_jacobian_is_the_derivative_along_an_injected_error(case):
     layout, (state, body) = layout_of(sensor), random_motion(sensor, 2, 3)
     expected = np.zeros((len(sensor.axes), layout.size, 3))
     for i in range(layout.size):
-        c = jnp.zeros((layout.size, 3)).at[i].set(1e-5)
-        one, other = (
-            sensor.predict(
-                inject(state, sign * c[: layout["own"].stop]),
-                BodyMotion(body.force + sign * c[layout["force"]], body.rate + sign * c[layout["rate"]]),
-            )
-            for sign in (1.0, -1.0)
-        )
+        c = np.zeros((layout.size, 3))
+        c[i] = 1e-5
+        one, other = (np.asarray(after_error(sensor, state, body, jnp.asarray(sign * c))) for sign in (1.0, -1.0))
         expected[:, i] = (one - other) / 2e-5
-    np.testing.assert_allclose(derived(sensor, state, body), expected, atol=1e-8)
+    np.testing.assert_allclose(eqx.filter_jit(derived)(sensor, state, body), expected, atol=1e-8)
     stated = sensor.jacobian(state, body, layout)
     if stated is not None:
-        np.testing.assert_allclose(jnp.broadcast_to(stated, expected.shape), expected, atol=1e-8)
+        np.testing.assert_allclose(np.broadcast_to(stated, expected.shape), expected, atol=1e-8)
     if sensor.linear:
         np.testing.assert_array_equal(sensor.jacobian(None, None, layout), stated)
 
@@ -194,11 +198,15 @@ def test_one_update_with_a_whole_covariance_is_the_joint_one():
     sensed = jnp.asarray(rng.normal(size=(6, 1)))
     state = state._replace(x=0.1 * jnp.asarray(rng.normal(size=(n - 9, 1))))
 
+    @jax.jit
+    def measured(c):
+        moved = inject(state, c[:, None])
+        body = compensated(sensed, moved, bank)
+        return jnp.concatenate([s.predict(aiding.seen_by(i, moved), body)[:, 0] for i, s in enumerate(sensors)])
+
     def h(c):
         """What is measured after an error, components as they are."""
-        moved = inject(state, jnp.asarray(c)[:, None])
-        body = compensated(sensed, moved, bank)
-        return np.concatenate([s.predict(aiding.seen_by(i, moved), body)[:, 0] for i, s in enumerate(sensors)])
+        return np.asarray(measured(jnp.asarray(c)))
 
     H = np.stack([(h(1e-5 * e) - h(-1e-5 * e)) / 2e-5 for e in np.eye(n)], axis=1)
     R = block_diag(COVARIANCE, np.diag(np.square([0.05, 0.1, 0.1])))
@@ -208,16 +216,21 @@ def test_one_update_with_a_whole_covariance_is_the_joint_one():
     left = np.eye(n) - K @ H
     expected = left @ P @ left.T + K @ R @ K.T
 
-    body = compensated(sensed, state, bank)
-    ours = aiding.derivative(state, body, bank)
-    after, done = jax.jit(update)(jnp.asarray(P)[:, :, None], ours, aiding.variance, jnp.ones(6))
+    @jax.jit
+    def updated(P, z):
+        body = compensated(sensed, state, bank)
+        ours = aiding.derivative(state, body, bank)
+        after, done = update(P[:, :, None], ours, aiding.variance, jnp.ones(6))
+        white = jnp.concatenate([decorrelated(sensors[0], z[:3, None]), z[3:, None]])
+        c, innovation = correction(done.gain, white - aiding.predict(state, body), ours)
+        return c[:, 0], after[:, :, 0], innovation[:, 0], done.variance[:, 0]
+
     z = h(np.zeros(n)) + nu
-    white = jnp.concatenate([decorrelated(sensors[0], jnp.asarray(z[:3, None])), z[3:, None]])
-    c, innovation = correction(done.gain, white - aiding.predict(state, body), ours)
+    c, after, innovation, variance = map(np.asarray, updated(jnp.asarray(P), jnp.asarray(z)))
     sd = np.sqrt(np.diag(P))
-    np.testing.assert_allclose(np.asarray(c)[:, 0] / sd, K @ nu / sd, atol=1e-7)
-    np.testing.assert_allclose(np.asarray(after)[:, :, 0] / np.outer(sd, sd), expected / np.outer(sd, sd), atol=1e-7)
-    nis = float(jnp.sum(innovation[:, 0] ** 2 / done.variance[:, 0]))
+    np.testing.assert_allclose(c / sd, K @ nu / sd, atol=1e-7)
+    np.testing.assert_allclose(after / np.outer(sd, sd), expected / np.outer(sd, sd), atol=1e-7)
+    nis = np.sum(innovation**2 / variance)
     np.testing.assert_allclose(nis, nu @ np.linalg.solve(S, nu), rtol=1e-7)
 
 

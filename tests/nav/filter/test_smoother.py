@@ -5,14 +5,9 @@ import numpy as np
 import pytest
 from nav import setups
 
-import gmwm_jax as gj
 import nav_jax as nj
 
-REFERENCE = nj.motions.lemniscate(16.0, setups.RATE)
-OUTAGE = (6.0, 12.0)
-ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.002, 2e-5), gj.WN(1.5e-6) + gj.GM(0.005, 2e-7), setups.RATE)
-START = nj.InitialUncertainty(0.1, 0.05, 0.01)
-AIDING = setups.aiding(*OUTAGE)[:2]
+ERRORS = setups.SMOOTHED_ERRORS
 
 
 def textbook(Phi, P_after, H, R, valid, states):
@@ -38,14 +33,22 @@ def textbook(Phi, P_after, H, R, valid, states):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return nj.filter.prepare(nj.Scenario(REFERENCE, AIDING, START, every=10), rate=setups.RATE)
+    return nj.filter.prepare(setups.SMOOTHED, rate=setups.RATE)
 
 
 @pytest.fixture(scope="module")
-def outcomes(experiment):
+def inputs(experiment):
+    return nj.filter.draw_inputs(experiment, ERRORS, nj.filter.run_keys(jax.random.key(2), 0, 4))
+
+
+@pytest.fixture(scope="module")
+def gains(experiment):
+    return nj.filter.gains_of(experiment, ERRORS, smooth=True)
+
+
+@pytest.fixture(scope="module")
+def outcomes(experiment, inputs, gains):
     """Of four runs: the filter that remembers, and the smoother."""
-    inputs = nj.filter.draw_inputs(experiment, ERRORS, nj.filter.run_keys(jax.random.key(2), 0, 4))
-    gains = nj.filter.gains_of(experiment, ERRORS, smooth=True)
     return nj.filter.run_filter(experiment, ERRORS, inputs, gains), nj.filter.run_filter(
         experiment, ERRORS, inputs, gains, smooth=True
     )
@@ -82,10 +85,10 @@ def test_the_last_estimate_is_the_filter_s(outcomes):
     np.testing.assert_allclose(plain.innovation, smooth.innovation, rtol=1e-9)
 
 
-def test_gains_that_do_not_remember_are_refused(experiment, outcomes):
-    inputs = nj.filter.draw_inputs(experiment, ERRORS, nj.filter.run_keys(jax.random.key(2), 0, 4))
+def test_gains_that_do_not_remember_are_refused(experiment, inputs, gains):
+    forgetful = gains._replace(memory=None)
     with pytest.raises(ValueError, match="smooth=True"):
-        nj.filter.run_filter(experiment, ERRORS, inputs, nj.filter.gains_of(experiment, ERRORS), smooth=True)
+        nj.filter.run_filter(experiment, ERRORS, inputs, forgetful, smooth=True)
 
 
 def test_navigation_is_smoothed():
@@ -98,7 +101,7 @@ def test_navigation_is_smoothed():
         "position": reference.position[0],
         "velocity": reference.velocity[0],
         "quaternion": reference.quaternion[0],
-        "initial": START,
+        "initial": setups.SMOOTHED.initial,
         "every": 10,
         "output_interval": 0.5,
     }

@@ -1,5 +1,6 @@
 """Errors that are no noise: each kind is one row of CASES; what they do to a sample, and what a filter takes off."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -70,11 +71,16 @@ def test_what_is_emulated_is_what_the_states_say(kind, key):
     ends = jnp.ones((3, 2, 2))
     rng = np.random.default_rng(3)
     imu, at_end = jnp.asarray(rng.normal(size=(3, 2, 2, 6))), jnp.asarray(rng.normal(size=(3, 6)))
-    source = emulate(errors, jax.random.split(key, 5), 12, ends, (imu, at_end))
-    given = write_out(source, ends)
+
+    @eqx.filter_jit
+    def written(keys):
+        source = emulate(errors, keys, 12, ends, (imu, at_end))
+        return source.x, write_out(source, ends)
+
+    x, given = jax.tree.map(np.asarray, written(jax.random.split(key, 5)))
     bank = errors.bank()
     for run in range(5):
-        M = matrix(bank, np.asarray(source.x)[:, run])
+        M = matrix(bank, x[:, run])
         expected = np.einsum("ij,mgnj->mgni", M, imu)
         np.testing.assert_allclose(given.per_step[..., run], expected, rtol=1e-12, atol=1e-16)
         expected = np.einsum("ij,mj->mi", M, at_end)

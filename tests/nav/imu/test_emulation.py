@@ -35,6 +35,12 @@ def emulated(errors, keys, num_samples):
     return Whole(given.per_step[:, 0, 0], jnp.concatenate([first[None], given.per_segment.lasting[:-1]]))
 
 
+@eqx.filter_jit
+def written(errors, keys, num_samples, ends):
+    """The errors of every piece."""
+    return write_out(emulate(errors, keys, num_samples, ends), ends)
+
+
 def keys(num=RUNS, seed=1):
     return nj.filter.run_keys(jax.random.key(seed), 0, num)
 
@@ -72,27 +78,27 @@ def test_moments_of_an_arma_process():
 
 def test_a_start_from_zero():
     """The first sample is the first innovation, as in R; the variance grows from there, and the walk's as well."""
-    _, lasting = drawn(MODEL, start="zero")
-    _, walk = drawn(WHITE + gj.RW(2.0), start="zero")
+    _, lasting = drawn([MODEL, WHITE + gj.RW(2.0), WHITE], start="zero")
     for k in (0, 1, 5, 29):
         assert_mean(lasting[k, 0] ** 2, (1 - 0.81 ** (k + 1)) / (1 - 0.81))
-        assert_mean(walk[k, 0] ** 2, 2.0 * (k + 1))
+        assert_mean(lasting[k, 1] ** 2, 2.0 * (k + 1))
 
 
 def test_random_walk_drift_and_bias():
-    _, walk = drawn(WHITE + gj.RW(2.0))
-    steps = np.diff(walk[:, 0], axis=0)
+    """A walk on the first axis, a drift on the second, biases of the gyros."""
+    _, lasting = drawn([WHITE + gj.RW(2.0), WHITE + gj.DR(0.3), WHITE], gyro_bias_sd=[0.0, 0.5, 1.0])
+    steps = np.diff(lasting[:, 0], axis=0)
     assert_mean(steps[5] ** 2, 2.0)
     assert_mean(steps[20] ** 2, 2.0)
     assert_covariance(steps[5], steps[6], 0.0)
-    _, drift = drawn(WHITE + gj.DR(0.3))
-    slope = np.diff(drift[:, 0], axis=0)
+    slope = np.diff(lasting[:, 1], axis=0)
     np.testing.assert_allclose(slope, np.broadcast_to(slope[:1], slope.shape), rtol=1e-9, atol=1e-11)
     assert_mean(slope[0] ** 2, 0.09)
-    _, bias = drawn(WHITE, accel_bias_sd=[0.0, 0.5, 1.0])
+    bias = lasting[:, 3:]
     np.testing.assert_array_equal(bias, np.broadcast_to(bias[:1], bias.shape))
-    assert_mean(bias[0, 1:3].T ** 2, [0.25, 1.0])
+    assert_mean(bias[0, 1:].T ** 2, [0.25, 1.0])
     np.testing.assert_array_equal(bias[:, 0], 0.0)
+    np.testing.assert_array_equal(lasting[:, 2], 0.0)
 
 
 def test_quantisation_noise_is_added_and_does_not_last():
@@ -102,41 +108,45 @@ def test_quantisation_noise_is_added_and_does_not_last():
     assert_covariance(total[4, 0], total[5, 0], -2.0)
 
 
+SHORT = 101
+"""Samples of the two runs of the tests below."""
+
+
 def test_a_run_does_not_depend_on_the_others():
     errors = nj.ImuErrors(MODEL, WHITE, RATE)
-    many = emulated(errors, keys(20), 50).total
-    few = emulated(errors, keys(20)[7:9], 50).total
+    many = np.asarray(emulated(errors, keys(20), SHORT).total)
+    few = emulated(errors, keys(20)[7:9], SHORT).total
     np.testing.assert_allclose(many[..., 7:9], few, rtol=1e-11, atol=1e-13)
 
 
 @pytest.mark.parametrize("model", [MODEL, MODEL + gj.QN(0.1)], ids=["states", "with quantisation"])
 def test_a_longer_run_begins_as_a_shorter_one(model):
     errors = nj.ImuErrors(model, WHITE, RATE)
-    long, short = (np.asarray(emulated(errors, keys(2), n).total) for n in (230, 101))
-    np.testing.assert_allclose(long[:101], short, rtol=1e-11, atol=1e-13)
+    long, short = (np.asarray(emulated(errors, keys(2), n).total) for n in (230, SHORT))
+    np.testing.assert_allclose(long[:SHORT], short, rtol=1e-11, atol=1e-13)
 
 
 def test_another_process_leaves_the_rest_alone():
     """What is added is added: the white noise and the processes that were there keep their numbers."""
-    one = emulated(nj.ImuErrors(MODEL, WHITE, RATE), keys(3), 40)
-    two = emulated(nj.ImuErrors(MODEL + gj.RW(1.0), WHITE + gj.RW(1.0), RATE), keys(3), 40)
-    walk = emulated(nj.ImuErrors(gj.WN(0.0) + gj.RW(1.0), gj.RW(1.0), RATE), keys(3), 40)
+    one = emulated(nj.ImuErrors(MODEL, WHITE, RATE), keys(2), SHORT)
+    two = emulated(nj.ImuErrors(MODEL + gj.RW(1.0), WHITE + gj.RW(1.0), RATE), keys(2), SHORT)
+    walk = emulated(nj.ImuErrors(gj.WN(0.0) + gj.RW(1.0), gj.RW(1.0), RATE), keys(2), SHORT)
     np.testing.assert_allclose(two.total, np.asarray(one.total) + walk.lasting, rtol=0, atol=1e-11)
 
 
 def test_a_sample_in_several_pieces_has_one_error():
     """Pieces that do not end their sample, and steps of several pieces, change nothing."""
     errors = nj.ImuErrors(MODEL, WHITE, RATE)
-    whole = emulated(errors, keys(2), 5)
+    whole = jax.tree.map(np.asarray, emulated(errors, keys(2), SHORT))
     ends = jnp.array([[[1.0, 0.0, 1.0], [0.0, 0.0, 1.0]], [[1.0, 1.0, 0.0], [0.0, 0.0, 0.0]]])
-    given = write_out(emulate(errors, keys(2), 5, ends), ends)
+    given = written(errors, keys(2), 5, ends)
     pieces = np.asarray(given.per_step).reshape(12, 6, 2)
-    np.testing.assert_allclose(pieces[:8], whole.total[jnp.array([0, 1, 1, 2, 2, 2, 3, 4])], rtol=1e-11)
+    np.testing.assert_allclose(pieces[:8], whole.total[[0, 1, 1, 2, 2, 2, 3, 4]], rtol=1e-11)
     np.testing.assert_allclose(given.per_segment.lasting[0], whole.lasting[3], rtol=1e-11)
     quantised = nj.ImuErrors(MODEL + gj.QN(0.1), WHITE, RATE)
-    given = write_out(emulate(quantised, keys(2), 5, ends), ends)
-    expected = emulated(quantised, keys(2), 5).total[jnp.array([0, 1, 1, 2, 2, 2, 3, 4])]
-    np.testing.assert_allclose(np.asarray(given.per_step).reshape(12, 6, 2)[:8], expected, rtol=1e-11)
+    pieces = np.asarray(written(quantised, keys(2), 5, ends).per_step).reshape(12, 6, 2)
+    expected = np.asarray(emulated(quantised, keys(2), 5).total)[[0, 1, 1, 2, 2, 2, 3, 4]]
+    np.testing.assert_allclose(pieces[:8], expected, rtol=1e-11)
 
 
 def test_slices_of_a_recording():

@@ -1,5 +1,8 @@
 """Sensor states over a covariance step, against the whole system of samples written out, without any recursion."""
 
+from functools import cache
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -17,6 +20,7 @@ MODELS = {
 }
 
 
+@cache
 def bank_of(which):
     """Models differ from axis to axis; two axes have a turn-on bias."""
     model = MODELS[which]
@@ -61,38 +65,48 @@ def written_out(bank, dt, ends):
     return y, x, covariance
 
 
+@eqx.filter_jit
+def noise_of(bank, dt, ends):
+    return step_noise(alone(bank), dt, ends)
+
+
+@eqx.filter_jit
+def maps_of(bank, noise, P):
+    """What a step makes of the states: their part of the errors, where they go, and where a covariance goes."""
+    one = jnp.eye(len(bank.states))
+    carried, advanced = noise.carry(one[:, :, None])[:, :, 0].T, noise.advance(P[:, :, None])[:, :, 0]
+    return by_channel(bank.channels, noise.weights * one), carried, advanced
+
+
 @pytest.mark.parametrize("which", MODELS)
 @pytest.mark.parametrize("step", STEPS)
 def test_a_step_is_what_its_samples_add_up_to(which, step):
     bank = bank_of(which)
     M = len(bank.states)
     dt, ends = (np.asarray(a, float) for a in STEPS[step])
-    noise = step_noise(alone(bank), jnp.asarray(dt), jnp.asarray(ends))
+    noise = noise_of(bank, jnp.asarray(dt), jnp.asarray(ends))
+    B = np.random.default_rng(2).normal(size=(M, M))
+    weights, carried, advanced = maps_of(bank, noise, jnp.asarray(B @ B.T))
     y, x, R = written_out(bank, dt, ends)
     np.testing.assert_allclose(noise.duration, dt.sum(), rtol=1e-14)
     np.testing.assert_allclose(noise.inverse_duration, 1 / dt.sum() if dt.sum() else 0.0, rtol=1e-13)
     # from the states at the start
-    np.testing.assert_allclose(by_channel(bank.channels, noise.weights * jnp.eye(M)), y[:, :M], rtol=1e-11, atol=1e-15)
-    carried = noise.carry(jnp.eye(M)[:, :, None])[:, :, 0].T
+    np.testing.assert_allclose(weights, y[:, :M], rtol=1e-11, atol=1e-15)
     np.testing.assert_allclose(carried, x[:, :M], rtol=1e-11, atol=1e-14)
     # from the noise
     np.testing.assert_allclose(noise.integrated[..., 0], np.diag(y @ R @ y.T), rtol=1e-10, atol=1e-21)
     np.testing.assert_allclose(noise.cross[..., 0], y @ R @ x.T, rtol=1e-10, atol=1e-19)
     np.testing.assert_allclose(noise.driving[..., 0], x @ R @ x.T, rtol=1e-10, atol=1e-19)
-    B = np.random.default_rng(2).normal(size=(M, M))
-    advanced = noise.advance(jnp.asarray(B @ B.T)[:, :, None])[:, :, 0]
     np.testing.assert_allclose(advanced, x[:, :M] @ B @ B.T @ x[:, :M].T + x @ R @ x.T, rtol=1e-10, atol=1e-12)
 
 
 def test_two_parts_of_a_sample_are_the_sample():
     bank = bank_of("Markov")
-    whole, part, rest = (
-        step_noise(alone(bank), *(jnp.asarray(a, float) for a in STEPS[s])) for s in ("one", "part", "rest")
-    )
-    np.testing.assert_allclose(part.weights + rest.weights, whole.weights, rtol=1e-13)
-    np.testing.assert_allclose(part.integrated + rest.integrated, whole.integrated, rtol=1e-13)
-    np.testing.assert_allclose(part.transition * rest.transition, whole.transition, rtol=1e-13)
-    np.testing.assert_allclose(part.driving + rest.driving, whole.driving, rtol=1e-13)
+    whole, part, rest = (noise_of(bank, *(jnp.asarray(a, float) for a in STEPS[s])) for s in ("one", "part", "rest"))
+    np.testing.assert_allclose(np.asarray(part.weights) + np.asarray(rest.weights), whole.weights, rtol=1e-13)
+    np.testing.assert_allclose(np.asarray(part.integrated) + np.asarray(rest.integrated), whole.integrated, rtol=1e-13)
+    np.testing.assert_allclose(np.asarray(part.transition) * np.asarray(rest.transition), whole.transition, rtol=1e-13)
+    np.testing.assert_allclose(np.asarray(part.driving) + np.asarray(rest.driving), whole.driving, rtol=1e-13)
 
 
 @pytest.mark.parametrize("n", [1, 3, 10])
@@ -101,7 +115,7 @@ def test_second_integral_of_white_noise(n):
     bank = bank_of("white")
     T = n / RATE
     arms = T - (np.arange(n) + 0.5) / RATE
-    noise = step_noise(alone(bank), jnp.full(n, 1 / RATE), jnp.ones(n))
+    noise = noise_of(bank, jnp.asarray(np.full(n, 1 / RATE)), jnp.asarray(np.ones(n)))
     np.testing.assert_allclose(noise.second_integral, np.mean(arms**2) - T**2 / 2, rtol=1e-11)
 
 

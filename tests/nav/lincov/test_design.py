@@ -13,17 +13,8 @@ import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 
-REFERENCE = nj.motions.lemniscate(20.0, setups.RATE)
-AIDING = setups.aiding(12.0, 20.0)
-START = nj.InitialUncertainty(0.05, 0.02, 0.002)
-TRUTH = nj.ImuErrors(
-    gj.WN(6e-5) + gj.GM(0.01, 4e-5) + gj.GM(0.0005, 1e-4),
-    gj.WN(1.5e-6) + gj.GM(0.002, 3e-7),
-    setups.RATE,
-    gyro_bias_sd=1e-4,
-)
-FEWER = nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.01, 4e-5), gj.WN(1.5e-6), setups.RATE, gyro_bias_sd=1e-4)
-SCENARIO = nj.Scenario(REFERENCE, AIDING, START, every=10)
+REFERENCE, AIDING = setups.SCENARIO.reference, setups.SCENARIO.aiding
+SCENARIO, START, TRUTH, FEWER = setups.SCENARIO, setups.START, setups.TRUTH, setups.FEWER
 
 
 @pytest.fixture(scope="module")
@@ -105,18 +96,17 @@ def test_sensitivities_are_differences_of_analyses(slopes, side, name):
 
 def test_sensitivity_to_a_partial_autocorrelation():
     """What is named is what is moved: both coefficients, by the recursion, as the first partial one alone changes."""
-    scenario = nj.Scenario(nj.motions.lemniscate(3.0, setups.RATE), setups.aiding(), START, every=10)
 
     def truth(z, r2=-0.4):
         r1 = np.tanh(z / 2)
         return nj.ImuErrors(gj.WN(0.0), gj.AR(2)(r1 * (1 - r2), r2, 1e-6), setups.RATE)
 
     z, h = 2 * np.arctanh(0.9), 1e-3
-    s = nj.sensitivities(scenario, truth(z), FEWER)
+    s = nj.sensitivities(SCENARIO, truth(z), FEWER)
     assert [n for n, side in zip(s.names, s.sides, strict=True) if side == "truth"][:3] == [
         "gyro AR(2) phi partial 1", "gyro AR(2) phi partial 2", "gyro AR(2) sigma2",
     ]  # fmt: skip
-    high, low = (nj.analyse(scenario, truth(x), FEWER)["filter"].rms("position")[-1] for x in (z + h, z - h))
+    high, low = (nj.analyse(SCENARIO, truth(x), FEWER)["filter"].rms("position")[-1] for x in (z + h, z - h))
     assert s.derivative["position"][-1, 0] == pytest.approx((high - low) / (2 * h), rel=1e-4)
     assert np.isfinite(s.derivative["position"]).all()
 
@@ -181,16 +171,15 @@ def test_sources_have_names(budget):
     assert "all: RMS" in repr(budget)
     nothing = nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE)
     with pytest.raises(ValueError, match="no source of error"):
-        nj.error_budget(nj.Scenario(nj.motions.static(1.0, setups.RATE), every=10), nothing, TRUTH)
+        nj.error_budget(nj.Scenario(REFERENCE, every=10), nothing, TRUTH)
 
 
 def test_a_correlated_start_is_one_source():
     P = np.diag(np.full(9, 1e-4))
     P[0, 3] = P[3, 0] = 5e-5
     start = nj.InitialUncertainty(covariance=P)
-    b = nj.error_budget(
-        nj.Scenario(nj.motions.lemniscate(2.0, setups.RATE), setups.aiding()[:1], start, every=10), FEWER
-    )
+    white = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE)
+    b = nj.error_budget(dataclasses.replace(SCENARIO, initial=start), white)
     assert [s for s in b.sources if s.startswith("start")] == ["start"]
 
 
@@ -199,14 +188,7 @@ def test_a_correlated_start_is_one_source():
 
 @pytest.fixture(scope="module")
 def fits():
-    """Of a short static recording."""
-    out = []
-    for model, seed in (("WN(sigma2=6e-5) + GM(beta=0.005, variance=4e-5)", 1), ("WN(sigma2=1.5e-6)", 2)):
-        x = np.asarray(gj.simulate(model, 20_000, key=jax.random.key(seed)))
-        wv = gj.wavelet_variance(gj.Recording.from_array(x, rate=setups.RATE, units="m/s^2" if seed == 1 else "rad/s"))
-        kinds = " + ".join(p.kind for p in gj.parse_model(model).processes)
-        out.append(gj.fit(wv, kinds))
-    return out
+    return setups.fits()
 
 
 def test_calibration_wants_fits(fits):
@@ -227,9 +209,7 @@ def test_calibration_wants_fits(fits):
 
 @pytest.fixture(scope="module")
 def designed():
-    """Filters with no or one process of the gyros, for a truth with one, and two of the accelerometers."""
-    scenario = nj.Scenario(nj.motions.lemniscate(12.0, setups.RATE), setups.aiding(6.0, 12.0), START, every=20)
-    return nj.design(scenario, TRUTH, max_accel=0, max_gyro=1, num_starts=1)
+    return setups.designed()
 
 
 def test_designed_filters_beat_parts_of_the_truth(designed):

@@ -16,20 +16,13 @@ import nav_jax as nj
 from nav_jax.lincov.covariance import covariances_along, noise_of
 from nav_jax.statistics.distributions import weighted_chi2_cdf
 
-OUTAGE = (12.0, 20.0)
 START = nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5]))
-TRUTH = nj.ImuErrors(
-    gj.WN(6e-5) + gj.GM(0.002, 2e-5) + gj.RW(1e-11), gj.WN(1.5e-6) + gj.GM(0.005, 2e-7), setups.RATE, gyro_bias_sd=1e-4
-)
+TRUTH = setups.TRUTH
 FILTERS = {
     "right": TRUTH,
     "white": nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE),
-    "fewer": nj.ImuErrors(gj.WN(6e-5) + gj.GM(0.01, 1e-5), gj.WN(3e-6), setups.RATE, gyro_bias_sd=5e-5),
-    "more": nj.ImuErrors(
-        gj.WN(9e-5) + gj.GM(0.002, 2e-5) + gj.MAT32(0.01, 1e-6), gj.WN(2e-6) + gj.DR(1e-8), setups.RATE
-    ),
+    "fewer": setups.FEWER,
 }
-SCENARIO = nj.Scenario(nj.motions.lemniscate(20.0, setups.RATE), setups.aiding(*OUTAGE), START, every=10)
 
 
 def correlation(P, scale=None):
@@ -40,12 +33,12 @@ def correlation(P, scale=None):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return nj.filter.prepare(SCENARIO, rate=setups.RATE)
+    return setups.experiment()
 
 
 @pytest.fixture(scope="module")
 def analysis():
-    return nj.analyse(SCENARIO, TRUTH, FILTERS)
+    return nj.analyse(setups.SCENARIO, TRUTH, FILTERS)
 
 
 # -- what it must be ------------------------------------------------------------------------------------------------
@@ -71,19 +64,17 @@ def test_the_right_filter_claims_what_is_true(every):
 def test_what_a_filter_claims_is_its_own_covariance(experiment):
     """That of the filter which runs on the reference, from another program."""
     gains = nj.filter.gains_of(experiment, FILTERS["fewer"])
-    found = nj.lincov.linear_covariance(experiment, TRUTH, FILTERS["fewer"])
+    found = setups.covariances(TRUTH, FILTERS["fewer"])
     theirs = np.asarray(gains.claim.navigation[..., 0])
     np.testing.assert_allclose(correlation(found.claimed.navigation, theirs), correlation(theirs), atol=1e-9)
 
 
 STILL = {
-    "accel white": (gj.WN(1e-4), gj.WN(0.0)),
-    "accel random walk": (gj.RW(1e-8), gj.WN(0.0)),
-    "accel Gauss-Markov": (gj.GM(1e-4, 1e-4), gj.WN(0.0)),
-    "gyro white": (gj.WN(0.0), gj.WN(1e-8)),
-    "gyro random walk": (gj.WN(0.0), gj.RW(1e-12)),
-    "gyro Gauss-Markov": (gj.WN(0.0), gj.GM(1e-4, 1e-8)),
+    "white": (gj.WN(1e-4), gj.WN(1e-8)),
+    "random walk": (gj.RW(1e-8), gj.RW(1e-12)),
+    "Gauss-Markov": (gj.GM(1e-4, 1e-4), gj.GM(1e-4, 1e-8)),
 }
+"""Accelerometers and gyros; so that what they make of horizontal positions is of about one size."""
 
 
 def of_integrals(model, dt, num, order):
@@ -117,29 +108,32 @@ def test_unaided_and_at_rest_the_integrals_of_the_noise_come_out(case):
     """Accelerometer errors integrate once and twice, gyro errors tilt and pull gravity in (Blum & Dambeck 2020): 1e-6.
 
     Samples are held: their integrals are finite sums. In continuous time white noise has q t^(2n-1)/((2n-1) (n-1)!^2),
-    from which the sums differ by (dt/t)^2.
+    from which the sums differ by (dt/t)^2. Down there are accelerometer errors alone, north both.
     """
-    accel, gyro = STILL[case]
-    seconds, dt = 60.0, 1 / setups.RATE
-    truth = nj.ImuErrors(accel, gyro, setups.RATE)
-    scenario = nj.Scenario(nj.motions.static(seconds, setups.RATE), earth=nj.FlatEarth(setups.GRAVITY))
-    c = nj.analyse(scenario, truth, nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), setups.RATE))["filter"]
-    model = gj.Composite((accel if case.startswith("accel") else gyro,))
-    num = round(seconds * setups.RATE)
-    variance = c.sd[-1] ** 2
-    if case.startswith("accel"):
-        expected = {0: of_integrals(model, dt, num, 2), 3: of_integrals(model, dt, num, 1)}
-    else:
-        g2 = setups.GRAVITY**2
-        expected = {6: of_integrals(model, dt, num, 1), 8: of_integrals(model, dt, num, 1)}
-        expected |= {3: g2 * of_integrals(model, dt, num, 2), 0: g2 * of_integrals(model, dt, num, 3)}
-    for column, value in expected.items():
-        assert variance[column] == pytest.approx(value, rel=1e-6)
-    if "white" in case:
-        q = float(model.processes[0].sigma2) * dt
-        n = 2 if case.startswith("accel") else 3
-        power = q * seconds ** (2 * n - 1) / (2 * n - 1) / scipy.special.factorial(n - 1) ** 2
-        assert variance[0] == pytest.approx(power * (1 if n == 2 else setups.GRAVITY**2), rel=1e-6)
+    seconds, rate = 60.0, 50.0
+    num, dt, g2 = round(seconds * rate), 1 / rate, setups.GRAVITY**2
+    models = STILL[case]
+    scenario = nj.Scenario(nj.motions.static(seconds, rate), earth=nj.FlatEarth(setups.GRAVITY))
+    believed = nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-8), rate)
+    c = nj.analyse(scenario, nj.ImuErrors(*models, rate), believed)["filter"]
+    accel, gyro = ({n: of_integrals(gj.Composite((m,)), dt, num, n) for n in (1, 2, 3)} for m in models)
+    expected = {
+        "position d": (2, accel[2]),
+        "velocity d": (5, accel[1]),
+        "tilt": (6, gyro[1]),
+        "heading": (8, gyro[1]),
+        "velocity n": (3, accel[1] + g2 * gyro[2]),
+        "position n": (0, accel[2] + g2 * gyro[3]),
+    }
+    for name, (column, value) in expected.items():
+        assert c.sd[-1, column] ** 2 == pytest.approx(value, rel=1e-6), name
+    if case == "white":
+        powers = {
+            n: float(m.sigma2) * dt * seconds ** (2 * n - 1) / (2 * n - 1) / scipy.special.factorial(n - 1) ** 2
+            for m, n in zip(models, (2, 3), strict=True)
+        }
+        assert c.sd[-1, 2] ** 2 == pytest.approx(powers[2], rel=1e-6)
+        assert c.sd[-1, 0] ** 2 == pytest.approx(powers[2] + g2 * powers[3], rel=1e-6)
 
 
 def test_a_few_runs_have_the_size_of_the_covariances(experiment, analysis):
@@ -148,119 +142,89 @@ def test_a_few_runs_have_the_size_of_the_covariances(experiment, analysis):
     A variance of 16 draws has a standard error of 35 %, of many fixes some 10 %.
     """
     inputs = nj.filter.draw_inputs(experiment, TRUTH, nj.filter.run_keys(jax.random.key(5), 0, 16))
-    gains = nj.filter.gains_of(experiment, FILTERS["white"])
-    runs = nj.filter.run_filter(experiment, FILTERS["white"], inputs, gains)
+    gains = nj.filter.gains_of(experiment, FILTERS["fewer"])
+    runs = nj.filter.run_filter(experiment, FILTERS["fewer"], inputs, gains)
     position = np.sqrt(np.mean(np.sum(np.square(np.asarray(runs.judgement.error)[:, :3]), axis=1), axis=1))
-    assert 0.5 < np.sqrt(np.mean(position**2) / np.mean(analysis["white"].rms("position") ** 2)) < 2
+    assert 0.5 < np.sqrt(np.mean(position**2) / np.mean(analysis["fewer"].rms("position") ** 2)) < 2
 
 
 # -- derivatives and vectorisation ----------------------------------------------------------------------------------
 
 
-def test_derivatives_by_everything(experiment):
-    """Reverse, forward and central differences of fourth order: 1e-5 of each, 1e-8 between the first two."""
-    start = jnp.log(jnp.array([6e-5, 2e-3, 2e-5, 1.5e-6, 1e-4, 9e-5, 5e-3, 1e-5, 2e-6, 0.025, 0.05, 0.02]))
-
-    def cost(x):
-        v = jnp.exp(x)
-        truth = nj.ImuErrors(gj.WN(v[0]) + gj.GM(v[1], v[2]), gj.WN(v[3]), setups.RATE, gyro_bias_sd=v[4])
-        believed = nj.ImuErrors(gj.WN(v[5]) + gj.GM(v[6], v[7]), gj.WN(v[8]), setups.RATE)
-        aiding = (nj.GnssPosition(1.0, horizontal=v[9], vertical=0.05, outages=(OUTAGE,)), *experiment.sensors[1:])
-        initial = nj.InitialUncertainty(v[10], 0.02, v[11])
-        e = eqx.tree_at(lambda e: (e.sensors, e.initial), experiment, (aiding, initial))
-        found = nj.lincov.linear_covariance(e, truth, believed, motion=motion)
-        return jnp.log(jnp.trace(found.true.navigation[-1])) + jnp.log(jnp.trace(found.claimed.navigation[-1]))
-
-    motion = nj.lincov.motion_of(experiment)
-    value, forward, backward = jax.jit(cost), jax.jit(jax.jacfwd(cost))(start), jax.jit(jax.grad(cost))(start)
-    h = 2e-3
-    steps = h * np.eye(len(start))
-    differences = np.array(
-        [
-            (8 * (value(start + d) - value(start - d)) - value(start + 2 * d) + value(start - 2 * d)) / (12 * h)
-            for d in steps
-        ]
-    )
-    assert np.abs(differences).min() > 1e-6
-    np.testing.assert_allclose(backward, forward, rtol=1e-7, atol=1e-11)
-    np.testing.assert_allclose(forward, differences, rtol=1e-5, atol=1e-8)
+def like_fewer(white, beta, bias=5e-5):
+    """Of the structure of `FEWER`: one alone is no other program."""
+    return nj.ImuErrors(gj.WN(white) + gj.GM(beta, 1e-5), gj.WN(3e-6), setups.RATE, gyro_bias_sd=bias)
 
 
-def test_many_filters_at_once_compile_once(experiment):
+def test_many_filters_at_once_compile_once():
     """Each is what it is alone; other numbers need no other program."""
-    motion = nj.lincov.motion_of(experiment)
 
     @eqx.filter_jit
     def position(white, beta):
-        def one(white, beta):
-            believed = nj.ImuErrors(gj.WN(white) + gj.GM(beta, 1e-5), gj.WN(3e-6), setups.RATE)
-            return nj.lincov.linear_covariance(experiment, TRUTH, believed, motion=motion).true.navigation[-1, 0, 0]
-
         count.append(1)
-        return jax.vmap(one)(white, beta)
+        found = jax.vmap(lambda *x: setups.covariances(TRUTH, like_fewer(*x)))(white, beta)
+        return found.true.navigation[:, -1, 0, 0]
 
     count = []
-    whites, betas = jnp.array([6e-5, 1e-4, 3e-4]), jnp.array([1e-2, 3e-2, 1e-3])
+    whites, betas = np.array([6e-5, 1e-4, 3e-4]), np.array([1e-2, 3e-2, 1e-3])
+    alone = setups.covariances(TRUTH, like_fewer(whites[1], betas[1]))
     together = position(whites, betas)
     position(2 * whites, 2 * betas)
     assert count == [1]
-    believed = nj.ImuErrors(gj.WN(whites[1]) + gj.GM(betas[1], 1e-5), gj.WN(3e-6), setups.RATE)
-    alone = nj.lincov.linear_covariance(experiment, TRUTH, believed, motion=motion)
     assert together[1] == pytest.approx(float(alone.true.navigation[-1, 0, 0]), rel=1e-9)
 
 
-def test_many_truths_and_filters_as_the_last_axis(experiment):
-    """Stacked models, as jax.vmap builds them, are each what they are alone; so are derivatives through them."""
-    motion = nj.lincov.motion_of(experiment)
-
-    def build(x):
-        return nj.ImuErrors(gj.WN(x[0]) + gj.GM(x[1], 1e-5) + gj.RW(1e-9), gj.WN(3e-6), setups.RATE, gyro_bias_sd=x[2])
-
+def test_many_truths_and_filters_as_the_last_axis():
+    """Stacked models, as jax.vmap builds them, are each what they are alone."""
     several = jnp.array([[6e-5, 1e-2, 1e-4], [1e-4, 3e-2, 2e-4], [3e-4, 1e-3, 1e-5]])
-    stacked = jax.vmap(build)(several)
-    truths, filters, both = (
-        nj.lincov.linear_covariance(experiment, *pair, motion=motion)
-        for pair in ((stacked, FILTERS["fewer"]), (TRUTH, stacked), (stacked, stacked))
-    )
-    for i, x in enumerate(several):
-        for found, pair in (
-            (truths, (build(x), FILTERS["fewer"])),
-            (filters, (TRUTH, build(x))),
-            (both, (build(x),) * 2),
-        ):
-            alone = nj.lincov.linear_covariance(experiment, *pair, motion=motion)
+    stacked, one = jax.vmap(lambda x: like_fewer(*x))(several), setups.FEWER
+    each = [like_fewer(*x) for x in np.asarray(several)]
+    cases = {
+        "truths": ((stacked, one), [(x, one) for x in each]),
+        "filters": ((one, stacked), [(one, x) for x in each]),
+        "both": ((stacked, stacked), [(x, x) for x in each]),
+    }
+    for case, (pair, pairs) in cases.items():
+        found = jax.tree.map(np.asarray, setups.covariances(*pair))
+        for i, (truth, believed) in enumerate(pairs):
+            alone = setups.covariances(truth, believed)
             for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(alone), strict=True):
-                np.testing.assert_allclose(a[i], b, rtol=1e-8, atol=1e-21)
+                np.testing.assert_allclose(a[i], b, rtol=1e-8, atol=1e-21, err_msg=case)
 
-    def total(x):
-        found = nj.lincov.linear_covariance(experiment, TRUTH, jax.vmap(build)(x), motion=motion)
-        return jnp.sum(found.true.navigation[:, -1, 0, 0])
-
-    def one(x):
-        return nj.lincov.linear_covariance(experiment, TRUTH, build(x), motion=motion).true.navigation[-1, 0, 0]
-
-    np.testing.assert_allclose(jax.jit(jax.grad(total))(several)[1], jax.jit(jax.grad(one))(several[1]), rtol=1e-8)
     with pytest.raises(ValueError, match="3 truths and 2 filters"):
-        nj.lincov.linear_covariance(experiment, stacked, jax.vmap(build)(several[:2]))
+        setups.covariances(stacked, jax.tree.map(lambda a: a[:2], stacked))
+
+
+def test_reverse_mode_through_several_filters():
+    """Central differences of fourth order: 1e-5. By everything, and against forward mode, in tests/validation."""
+
+    def sizes(x):
+        filters = jax.vmap(lambda x: like_fewer(*jnp.exp(x)))(x)
+        found = setups.covariances(setups.FEWER, filters).true.navigation[:, -1]
+        return jnp.log(jnp.trace(found, axis1=1, axis2=2))
+
+    start, h = np.log([[6e-5, 1e-2, 1e-4], [1e-4, 3e-2, 2e-4], [3e-4, 1e-3, 1e-5]]), 2e-3
+    at = {k: np.stack([sizes(start + k * h * d) for d in np.eye(3)], axis=1) for k in (-2, -1, 1, 2)}
+    differences = (8 * (at[1] - at[-1]) - at[2] + at[-2]) / (12 * h)
+    found = jax.jit(jax.grad(lambda x: jnp.sum(sizes(x))))(start)
+    np.testing.assert_allclose(found, differences, rtol=1e-5, atol=1e-8)
 
 
 @pytest.mark.parametrize(("side", "negative"), [("truth", True), ("filter", True), ("filter", False)])
-def test_a_negative_variance_is_seen(experiment, side, negative):
-    """As an optimiser may try it, where nothing can be raised."""
+def test_a_negative_variance_is_seen(side, negative):
+    """As an optimiser may try it, where nothing can be raised: in numbers that are put in past all checks."""
 
-    @jax.jit
-    def valid(x):
-        other = nj.ImuErrors(gj.WN(6e-5) + gj.RW(x), gj.WN(3e-6), setups.RATE)
-        pair = (other, TRUTH) if side == "truth" else (TRUTH, other)
-        return nj.lincov.linear_covariance(experiment, *pair).valid
+    def moved(errors):
+        change = -1.0 if negative else 2.0
+        return eqx.tree_at(lambda e: e.models[0].processes[1].variance, errors, replace_fn=lambda v: change * v)
 
-    assert bool(valid(-1e-9 if negative else 1e-9).all()) is not negative
+    pair = (moved(TRUTH), setups.FEWER) if side == "truth" else (TRUTH, moved(setups.FEWER))
+    assert bool(setups.covariances(*pair).valid.all()) is not negative
 
 
 def test_second_moments_are_linear_in_the_noise(experiment):
     """Four times the noise, four times the mean squares, with the gains of the same filter."""
-    noise, bank = noise_of(experiment, TRUTH), FILTERS["fewer"].bank()
-    motion = nj.lincov.motion_of(experiment)
+    noise, bank, motion = noise_of(experiment, TRUTH), FILTERS["fewer"].bank(), setups.motion()
     compiled = eqx.filter_jit(covariances_along)
     once, twice = (compiled(experiment, motion, n, bank, START).true.navigation for n in (noise, _louder(noise)))
     np.testing.assert_allclose(twice, 4 * once, rtol=1e-9, atol=1e-18)
@@ -316,24 +280,29 @@ def test_results_say_what_they_are(analysis):
         c.nees("spin")
 
 
+AT_REST = nj.Scenario(nj.motions.static(2.0, setups.RATE), every=10, output_interval=0.1)
+"""From a start that is known."""
+
+
 def test_states_of_what_is_not_there_are_noted():
-    truth = nj.ImuErrors(gj.WN(1e-4), TRUTH.models[3], setups.RATE)
-    scenario = nj.Scenario(nj.motions.static(1.0, setups.RATE), every=10)
-    c = nj.analyse(scenario, truth, FILTERS["fewer"])["filter"]
-    assert c.notes == ("The filter estimates errors of accel x, accel y, accel z, which truly are white or none.",)
-    axis = gj.WN(1e-4) + gj.RW(1e-9)
-    truth, believed = (nj.ImuErrors(a, gj.WN(1e-6), setups.RATE) for a in (axis, [axis + gj.GM(0.1, 1e-5), axis, axis]))
-    c = nj.analyse(scenario, truth, believed)["filter"]
-    assert c.notes == ("The filter has more states for accel x than the truth, which cannot excite all.",)
+    white, walk = gj.WN(1e-4), gj.WN(1e-4) + gj.RW(1e-9)
+    truth, believed = (
+        nj.ImuErrors(accel, gj.WN(1e-6), setups.RATE)
+        for accel in ([walk, white, white], [walk + gj.GM(0.1, 1e-5), walk, walk])
+    )
+    c = nj.analyse(AT_REST, truth, believed)["filter"]
+    assert c.notes == (
+        "The filter estimates errors of accel y, accel z, which truly are white or none.",
+        "The filter has more states for accel x than the truth, which cannot excite all.",
+    )
 
 
 def test_a_start_that_is_known_has_no_nees():
-    reference = nj.motions.static(2.0, setups.RATE)
-    c = nj.analyse(nj.Scenario(reference, every=10, output_interval=0.1), TRUTH)["filter"]
+    c = nj.analyse(AT_REST, TRUTH)["filter"]
     # position is known exactly until noise has gone through twice
     assert np.isfinite(c.nees("velocity")).all()
     quiet = nj.ImuErrors(gj.WN(0.0), gj.WN(1e-6), setups.RATE)
-    c = nj.analyse(nj.Scenario(reference, every=10), quiet)["filter"]
+    c = nj.analyse(AT_REST, quiet)["filter"]
     assert np.isnan(c.nees("velocity")).all()
     assert np.isnan(c.coverage("navigation")).all()
 
@@ -352,6 +321,5 @@ def test_a_start_that_is_known_has_no_nees():
     ],
 )
 def test_bad_input(truth, filters, message):
-    scenario = nj.Scenario(nj.motions.static(2.0, setups.RATE), setups.aiding())
     with pytest.raises(ValueError, match=message):
-        inspect.unwrap(nj.analyse)(scenario, truth, filters)  # below the type checks of the test run
+        inspect.unwrap(nj.analyse)(setups.SCENARIO, truth, filters)  # below the type checks of the test run

@@ -11,19 +11,12 @@ import nav_jax as nj
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
 
-START = nj.InitialUncertainty(0.05, 0.02, 0.002)
+START = setups.START
 
 
 @pytest.fixture(scope="module")
 def fits():
-    """Of a short static recording."""
-    out = []
-    for model, seed in (("WN(sigma2=6e-5) + GM(beta=0.005, variance=4e-5)", 1), ("WN(sigma2=1.5e-6)", 2)):
-        x = np.asarray(gj.simulate(model, 20_000, key=jax.random.key(seed)))
-        wv = gj.wavelet_variance(gj.Recording.from_array(x, rate=setups.RATE, units="m/s^2" if seed == 1 else "rad/s"))
-        kinds = " + ".join(p.kind for p in gj.parse_model(model).processes)
-        out.append(gj.fit(wv, kinds))
-    return out
+    return setups.fits()
 
 
 def test_an_interval_of_the_navigation_error(fits):
