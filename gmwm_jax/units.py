@@ -19,6 +19,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from gmwm_jax._internal.columns import plain_name
+from gmwm_jax._internal.imu_names import role_of
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
@@ -95,6 +96,9 @@ def _table() -> dict[str, Unit]:
 UNITS: dict[str, Unit] = _table()
 """Every unit name that is understood, with the SI unit of its quantity and the factor to it."""
 
+# Negative powers, told before blanks go.
+_POWERS = ((r"\s*[·*\s]\s*s(?:\^|\*\*)?[-−]1\b", "/s"), (r"\s*[·*\s]\s*s(?:\^|\*\*)?[-−]2\b", "/s^2"))
+
 # How people write the same: lower case is not folded, since "mg" and "Mg" or "s" and "S" differ.
 _SPELLINGS = (
     ("[µμ]", "u"), ("°", "deg"), ("√", "sqrt"), ("²", "^2"), ("³", "^3"), (r"\*\*", "^"), ("·", "*"), ("dps", "deg/s"),
@@ -134,11 +138,7 @@ def unit(name: str) -> Unit:
     >>> gj.units.unit("deg/sqrt(h)").si
     'rad/s/sqrt(Hz)'
     """
-    plain = name.replace(" ", "")
-    if plain in UNITS:
-        return UNITS[plain]
-    for written, meant in _SPELLINGS:
-        plain = re.sub(written, meant, plain)
+    plain = _plain_unit(name)
     if plain in UNITS:
         return UNITS[plain]
     head = plain.split("/")[0]
@@ -146,6 +146,20 @@ def unit(name: str) -> Unit:
         "rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg", "ug", "deg/sqrt(h)", "ug/sqrt(Hz)", "m/s/sqrt(h)",
     ]  # fmt: skip
     raise ValueError(f"Unknown unit {name!r}. Known ones near it: {', '.join(near)}.")
+
+
+def _plain_unit(name: str) -> str:
+    """Return a unit as `UNITS` writes it, if it is one of them."""
+    plain = name.replace(" ", "")
+    if plain in UNITS:
+        return plain
+    plain = name.strip()
+    for written, meant in _POWERS:
+        plain = re.sub(written, meant, plain)
+    plain = plain.replace(" ", "")
+    for written, meant in _SPELLINGS:
+        plain = re.sub(written, meant, plain)
+    return plain
 
 
 def convert(value: Any, source: str, target: str) -> Any:
@@ -228,6 +242,65 @@ def size(name: str, si: str) -> float:
     """
     factor = written(si).get(plain_name(name))
     return convert(1.0, name, si) if factor is None else factor
+
+
+_BRACKETS = re.compile(r"\s*(?:\[\s*(?:in\s+)?([^\[\]]+?)\s*\]|\(\s*(?:in\s+)?([^()]+?)\s*\))\s*$")
+_TIME_NAME = re.compile(r"t|(.*_)?(time|timestamps?|stamps?|tow|clock)(_.*)?")
+
+
+def of_column(name: str) -> tuple[str, str | None]:
+    """Divide the name of a column into the plain name of what it holds and its unit, if the name says one.
+
+    Units stand in brackets, or behind an underscore: of rates always, and of increments and ``g`` where the name is
+    that of an axis of a gyro or accelerometer.
+
+    Parameters
+    ----------
+    name
+        As the file writes it.
+
+    Returns
+    -------
+    The plain name, and the unit as `UNITS` writes it, or None.
+
+    Examples
+    --------
+    >>> gj.units.of_column("Gyro X [°/s]"), gj.units.of_column("accel_z_mg"), gj.units.of_column("Temp (C)")
+    (('gyro_x', 'deg/s'), ('accel_z', 'mg'), ('temp_c', None))
+    """
+    if found := _BRACKETS.search(name):
+        inner = (found[1] or found[2]).strip()
+        written = _plain_unit(inner)
+        known = written if written in UNITS else _words().get(plain_name(inner))
+        if known not in (None, "1") and plain_name(name[: found.start()]):
+            return plain_name(name[: found.start()]), known
+    plain = plain_name(name)
+    for word, unit_name in _words().items():
+        base = plain.removesuffix(f"_{word}")
+        if base and base != plain and _may_end(base, word, UNITS[unit_name].si):
+            return base, unit_name
+    return plain, None
+
+
+def _may_end(base: str, word: str, si: str) -> bool:
+    """May this word behind the name of a column be its unit?"""
+    match role_of(base), si:
+        case None, "s":
+            return bool(_TIME_NAME.fullmatch(base))
+        case None, _:
+            return si in ("rad/s", "m/s^2") and ("_" in word or word == "dps")
+        case role, _:
+            return si in (("rad/s", "rad") if str(role).startswith("gyro") else ("m/s^2", "m/s"))
+
+
+@cache
+def _words() -> dict[str, str]:
+    """How units of signals and of time are written behind a name, longest first, and as `UNITS` writes them."""
+    words = {
+        plain_name(name): name for si in ("s", "rad", "m/s", "rad/s", "m/s^2") for name in names(si) if name != "day"
+    }
+    words |= {word: name for word, name in _WORDS.items() if UNITS[name].si != "m" and not word.startswith("degrees_")}
+    return dict(sorted(words.items(), key=lambda item: -len(item[0])))
 
 
 def time_size(name: str) -> float:

@@ -44,7 +44,7 @@ def finite_record(x: np.ndarray, what: str = "the record") -> None:
     raise ValueError(
         f"{what} holds {len(bad)} values that are NaN or infinite, the first ({x[first]}) at {where}. "
         "Cut the record there or repair the samples: a gap that is closed silently changes every scale. If NaN marks "
-        'missing samples, say so: gaps=True for a recording, gaps="pairs" for wavelet_variance.'
+        'missing samples, say so: gaps="nan" for a file, gaps=True for an array, gaps="pairs" for wavelet_variance.'
     )
 
 

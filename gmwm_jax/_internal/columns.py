@@ -1,10 +1,24 @@
-"""What an opened table offers, whatever its format: numbered columns, perhaps with names, rate and units."""
+"""What an opened table offers, whatever its format: numbered columns, perhaps with names, units, rate and time."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+
+
+class Stamps(NamedTuple):
+    """How columns of a source make its time."""
+
+    columns: tuple[int, ...]
+    seconds: Callable[[Sequence[np.ndarray]], np.ndarray]
+    """Those columns -> seconds, (N,), from any zero."""
+    label: str
+    """As a person calls it."""
+
+
+def _no_text(column: int, parse: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    raise ValueError(f"Column {column} holds no text.")
 
 
 class Columns(NamedTuple):
@@ -27,6 +41,20 @@ class Columns(NamedTuple):
     """Of a trajectory: ``ned`` or ``geodetic``."""
     angles: str | None = None
     """Of a trajectory: ``rad`` or ``deg``."""
+    format: str = ""
+    """Name of the logger's format, where it is one."""
+    roles: Mapping[str, int] = {}
+    """``gyro_x`` ... ``accel_z`` -> number of the column, where the format says it."""
+    stamps: Stamps | None = None
+    """The time, where the format says it."""
+    text: frozenset[int] = frozenset()
+    """Columns that hold no numbers."""
+    load_text: Callable[[int, Callable[[np.ndarray], np.ndarray]], np.ndarray] = _no_text
+    """A column of text, and what makes numbers of an array of texts -> those numbers, (N,)."""
+    notes: tuple[str, ...] = ()
+    """What else was understood, or left out, in sentences."""
+    hint: str = ""
+    """What to say where units are missing."""
 
     def number(self, column: int | str) -> int:
         """Return the number of a column given by name, as it is written or plain, or by number.
@@ -38,18 +66,25 @@ class Columns(NamedTuple):
         """
         names = self.names or ()
         if isinstance(column, str):
-            for name in (column, plain_name(column)):
-                if name in names:
-                    return names.index(name)
+            if column in names:
+                return names.index(column)
+            plain = [plain_name(name) for name in names]
+            if plain_name(column) in plain:
+                return plain.index(plain_name(column))
+            if column in self.roles:
+                return self.roles[column]
         elif 0 <= column < self.count:
             return int(column)
         seen = f": {', '.join(names)}" if names else " without names"
         raise ValueError(f"There is no column {column!r}; the file has {self.count}, numbered from 0{seen}.")
 
 
+_PLAIN = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "°": "deg"})
+
+
 def plain_name(name: Any) -> str:
-    """Make a name plain: ``Yaw [deg]`` becomes ``yaw_deg``."""
-    return re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_")
+    """Make a name plain: ``Yaw [deg]`` becomes ``yaw_deg``, ``ω_x [°/s]`` ``ω_x_deg_s``."""
+    return re.sub(r"[\W_]+", "_", str(name).translate(_PLAIN).lower()).strip("_")
 
 
 def plain_names(names: Iterable[Any]) -> tuple[str, ...]:

@@ -5,31 +5,29 @@ A new format is one function here and one row in `_OPENERS`. What the columns me
 
 import difflib
 import os
+import shutil
+import tempfile
 import warnings
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gmwm_jax._internal.columns import Columns
+from gmwm_jax._internal.formats.registry import FORMATS, TEXT, recognise
+from gmwm_jax._internal.formats.ros_bag import BAGS
 from gmwm_jax._internal.optional import import_optional
+from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.text_files import TEXT_SUFFIXES, open_text
+from gmwm_jax._internal.text_source import COMPRESSED, inner_name, text_source, unpacked, unpacking
+
+_FOLDERS = ("those of rosbag2 (metadata.yaml)", "oxts of KITTI (data, timestamps.txt)")
 
 SAVED_RECORDING = ("data", "rate", "channels", "units", "name")
 """Variables of the ``.npz`` file of a recording that this package saved."""
-
-
-class Reading(NamedTuple):
-    """How a file is opened, where that cannot be found out."""
-
-    delimiter: str | None = None
-    """Of a text file."""
-    header: int | None = None
-    """Lines of a text file to skip."""
-    variable: str | None = None
-    """The object to read, where an ``.npz`` or R file holds several."""
 
 
 def open_source(source: Any, how: Reading | None = None) -> Columns:
@@ -57,29 +55,73 @@ def open_source(source: Any, how: Reading | None = None) -> Columns:
 
 
 def open_file(file: Path, how: Reading | None = None) -> Columns:
-    """Open a file; its suffix tells the format.
+    """Open a file or a folder: as the format that is asked for, else as its suffix or its content tells.
 
     Raises
     ------
     FileNotFoundError, ImportError, ValueError
         See `open_source`.
     """
-    opener = _OPENERS.get(file.suffix.lower())
-    if opener is None:
-        raise ValueError(f"Unknown suffix {file.suffix!r}; read are {' '.join(_OPENERS)}.")
+    how = how or Reading()
     require_file(file)
-    return opener(file, how or Reading())
+    if how.format is not None and how.format not in (*FORMATS, TEXT):
+        raise ValueError(f"Unknown format {how.format!r}; known are {', '.join(FORMATS)} and {TEXT}.")
+    if file.is_dir() or Path(inner_name(file)).suffix.lower() in BAGS:
+        for known in FORMATS.values():
+            if known.is_folder(file) and how.format in (None, known.name):
+                return _unpacked(known.open_folder, file, how)
+        raise ValueError(f"This is no recording; folders that are read: {', '.join(_FOLDERS)}.")
+    suffix = Path(inner_name(file)).suffix.lower()
+    opener = _OPENERS.get(suffix)
+    if how.format is None and opener is not None and opener is not _open_text:
+        return _unpacked(opener, file, how)
+    if how.format is None and opener is None and not _is_of_logger(file):
+        raise ValueError(
+            f"Unknown suffix {suffix!r}; read are {' '.join((*_OPENERS, *BAGS, *COMPRESSED))}. If it is text, say "
+            f'format="text", or the format of its logger ({", ".join(FORMATS)}).'
+        )
+    return _open_text(file, how)
 
 
 def require_file(file: Path, hint: str = "") -> None:
     """Raise a FileNotFoundError that names files of a similar name, unless this one is there."""
-    if file.is_file():
+    if file.is_file() or (file.is_dir() and any(known.is_folder(file) for known in FORMATS.values())):
         return
     if file.is_dir():
         raise FileNotFoundError(f"{file.resolve()} is a folder, not a file.")
     near = difflib.get_close_matches(file.name, os.listdir(file.parent)) if file.parent.is_dir() else []
     similar = f" Files of a similar name are there: {', '.join(near)}." if near else ""
     raise FileNotFoundError(f"There is no file {file.resolve()}.{similar}{hint}")
+
+
+def _is_of_logger(file: Path) -> bool:
+    """Does the content tell a logger's format, whatever the suffix?"""
+    source = text_source(file)
+    with unpacking(), source.open() as stream:
+        if b"\0" in stream.read(4096):
+            return False
+    return recognise(source.head()) is not None
+
+
+def _unpacked(opener: Callable[[Path, Reading], Columns], file: Path, how: Reading) -> Columns:
+    """Open a file of a binary format, which is unpacked into a temporary one if it is packed."""
+    if file.is_dir() or file.suffix.lower() not in COMPRESSED:
+        return opener(file, how)
+    folder = tempfile.mkdtemp()
+    copy = Path(folder) / Path(inner_name(file)).name
+    try:
+        with unpacking(), unpacked(file, how.told) as stream, copy.open("wb") as target:
+            shutil.copyfileobj(stream, target)
+        table = opener(copy, how)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+
+    def load(picked: list[int]) -> Sequence[np.ndarray]:
+        return table.load(picked)
+
+    weakref.finalize(load, shutil.rmtree, folder)  # it lives as long as what may read it
+    return table._replace(load=load)
 
 
 @contextmanager
@@ -126,7 +168,10 @@ def _of_mapping(variables: Mapping[str, np.ndarray], units: Mapping[str, str] | 
     columns = tuple(series.values())
     skipped = tuple(name for name in variables if name not in series)
     stated = {} if units is None else units
-    return Columns(tuple(series), len(series), lambda picked: [columns[i] for i in picked], stated, skipped=skipped)
+    text = frozenset(i for i, values in enumerate(columns) if values.dtype.kind in "USOb")
+    return Columns(
+        tuple(series), len(series), lambda picked: [columns[i] for i in picked], stated, skipped=skipped, text=text
+    )
 
 
 def _of_frame(frame: Any) -> Columns:
@@ -166,7 +211,9 @@ def _open_parquet(file: Path, how: Reading) -> Columns:
             table = parquet.read_table(file, columns=[names[i] for i in picked])
         return [table[names[i]].to_numpy() for i in picked]
 
-    return Columns(tuple(names), len(names), load)
+    kinds = parquet.read_schema(file).types
+    text = frozenset(i for i, kind in enumerate(kinds) if str(kind) in ("string", "large_string", "bool"))
+    return Columns(tuple(names), len(names), load, text=text)
 
 
 def _open_netcdf(file: Path, how: Reading) -> Columns:
@@ -214,7 +261,15 @@ def _of_r(value: Any, rate: float | None = None) -> Columns:
 
 
 def _open_text(file: Path, how: Reading) -> Columns:
-    return open_text(file, how.delimiter, how.header)
+    source = text_source(file)
+    if how.told is not None:
+        source = source.watched(how.told)
+    if how.format == TEXT:
+        return open_text(source, how.delimiter, how.header)
+    if how.format is not None:
+        return FORMATS[how.format].open_text(source, how)
+    known = recognise(source.head())
+    return open_text(source, how.delimiter, how.header) if known is None else known.open_text(source, how)
 
 
 _OPENERS: dict[str, Callable[[Path, Reading], Columns]] = {

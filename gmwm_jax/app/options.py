@@ -65,14 +65,33 @@ def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[.
 _OUTPUTS = ("json_file", "plot", "out")
 """Parameters of commands that name a file to be written."""
 
-_OPTIONS = {"units": "unit", "num_levels": "levels"} | {
-    n: n for n in ("rate", "time", "columns", "delimiter", "header", "variable", "step", "interval")
-}
+_OPTIONS = {"num_levels": "levels", "time_unit": "time-unit"} | {
+    n: n
+    for n in (
+        "rate", "units", "scale", "columns", "channels", "names", "time", "clock", "gaps", "format", "delimiter",
+        "header", "variable", "step", "interval",
+    )
+}  # fmt: skip
+_ARGUMENT = re.compile(r"""\b(\w+)=(\.\.\.|"[^"]*"|'[^']*'|\d+)""")
+_MAPPING = re.compile(r"""\{("[^"]+": "[^"]+"(?:, "[^"]+": "[^"]+")*)\}""")
 
 
 def _as_options(text: str) -> str:
-    """Arguments that a message speaks of, as the command line calls them: ``rate=...`` is ``--rate``."""
-    return re.sub(r"\b(\w+)=\.\.\.", lambda m: f"--{_OPTIONS[m[1]]}" if m[1] in _OPTIONS else m[0], text)
+    """Arguments that a message speaks of, as the command line calls them.
+
+    ``rate=...`` is ``--rate``, ``gaps="nan"`` is ``--gaps nan``, ``{"gyro": "deg/s"}`` is ``"gyro=deg/s"``.
+    """
+
+    def option(found: re.Match[str]) -> str:
+        if found[1] not in _OPTIONS:
+            return found[0]
+        value = found[2].strip("\"'")
+        return f"--{_OPTIONS[found[1]]}" + ("" if value == "..." else f" {value}")
+
+    def listed(found: re.Match[str]) -> str:
+        return '"' + found[1].replace('"', "").replace(": ", "=").replace(", ", ",") + '"'
+
+    return _MAPPING.sub(listed, _ARGUMENT.sub(option, text))
 
 
 def _figure_file(path: Path | None) -> Path | None:
@@ -101,46 +120,82 @@ Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png,
 
 @dataclass(frozen=True)
 class Source:
-    """The recording that a command reads, and what its file does not state."""
+    """The recording that a command reads, and what its file does not state: options of `read_recording`."""
 
     file: Annotated[
         Path,
-        typer.Argument(help="Recording: .npy, .npz, .csv, .tsv, .txt, .parquet, .nc, .rda; or the name of a data set."),
+        typer.Argument(
+            help="Recording: .npy, .npz, text, .parquet, .nc, .rda, a ROS bag, also packed; or the name of a data set."
+        ),
     ]
     channels: Annotated[str, typer.Option(help="'all', or names separated by commas; a group such as 'gyro' too.")] = (
         "all"
     )
     rate: Rate = None
-    unit: Annotated[
-        str | None, typer.Option(help="Unit of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'.")
+    units: Annotated[
+        str | None,
+        typer.Option(
+            "--units", "--unit", help="Of the samples: 'deg/s', or by channel or group: 'gyro=deg/s,accel=g'."
+        ),
     ] = None
-    time: Annotated[str | None, typer.Option(help="Column (name or number) that holds the time in seconds.")] = None
-    time_unit: Annotated[str, typer.Option(help="Unit of that column: s, ms, us, ns, min or h.")] = "s"
+    scale: Annotated[
+        str | None,
+        typer.Option(help="Size of a count: 'gyro=0.1 deg/s,accel=1.25 mg'; or the type of IMU of a NovAtel log."),
+    ] = None
+    time: Annotated[
+        str | None, typer.Option(help="Column (name or number) of the time; two of date,time or week,seconds or s,ns.")
+    ] = None
+    time_unit: Annotated[
+        str | None, typer.Option(help="Unit of that column: s, ms, us, ns, min or h, if its name does not say it.")
+    ] = None
+    clock: Annotated[
+        str | None, typer.Option(help="Column of a second clock (GNSS time): the drift of the first is estimated.")
+    ] = None
+    gaps: Annotated[
+        str, typer.Option(help="Where samples are missing: refuse, nan (in their places) or longest (the longest run).")
+    ] = "refuse"
+    format: Annotated[
+        str | None,
+        typer.Option(help="Of the logger, if its content does not tell it: kf-gins, rtklibexplorer, xsens ...; text."),
+    ] = None
     columns: Annotated[
         str | None, typer.Option(help="Columns to read: names or numbers (from 0), separated by commas.")
     ] = None
+    names: Annotated[str | None, typer.Option(help="New names of the channels: 'a,b,c', or 'old=new,old=new'.")] = None
     delimiter: Annotated[str | None, typer.Option(help="Of a text file, if it is not to be found.")] = None
-    header: Annotated[int | None, typer.Option(min=0, help="Lines of a text file to skip.")] = None
-    variable: Annotated[str | None, typer.Option(help="What to read of an .npz or R file of several objects.")] = None
+    header: Annotated[
+        int | None, typer.Option(min=0, help="Line of the names in a text file, from 1; 0: no line has them.")
+    ] = None
+    variable: Annotated[
+        str | None, typer.Option(help="What to read of an .npz or R file of several objects; the topic of a bag.")
+    ] = None
 
     def read(self) -> Recording:
-        """Read it."""
+        """Read it, and say on standard error what was understood."""
         file = self.file
         if str(file) in datasets.names() and not file.exists():
             file = datasets.fetch(str(file))
         options = dataclasses.asdict(self)
-        del options["file"], options["channels"]
-        unit, columns, time = (options.pop(name) for name in ("unit", "columns", "time"))
-        rec = read_recording(
-            file,
-            units=pairs(unit) if unit is not None and "=" in unit else unit,
-            columns=None if columns is None else [_column(part) for part in columns.split(",")],
-            time=None if time is None else _column(time),
-            **options,
-        )
-        if self.channels == "all":
-            return rec
-        return rec[[name for part in self.channels.split(",") for name in rec[part.strip()].channels]]
+        del options["file"]
+        for name in ("units", "scale", "names"):
+            options[name] = _one_or_pairs(options[name])
+        for name in ("columns", "time", "clock"):
+            options[name] = None if options[name] is None else [_column(part) for part in options[name].split(",")]
+        if isinstance(options["names"], str):
+            options["names"] = [part.strip() for part in options["names"].split(",")]
+        everything = self.channels == "all"
+        options["channels"] = None if everything else [part.strip() for part in self.channels.split(",")]
+        rec = read_recording(file, **options, progress=file.is_file() and file.stat().st_size > _LARGE)
+        typer.echo(rec.understood, err=True)
+        return rec
+
+
+_LARGE = 100_000_000
+"""Bytes of a file that is read for seconds, while which a bar is shown."""
+
+
+def _one_or_pairs(text: str | None) -> str | dict[str, str] | None:
+    return pairs(text) if text is not None and "=" in text else text
 
 
 def weights_of(name: str) -> str:

@@ -8,18 +8,34 @@ from typing import Any
 
 import numpy as np
 
+from gmwm_jax._internal import stamps
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import sampling_rate
-from gmwm_jax._internal.columns import plain_name, plain_names
-from gmwm_jax._internal.tabular import SAVED_RECORDING, Reading, open_file, require_file
+from gmwm_jax._internal.columns import Columns, Stamps, plain_name
+from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.tabular import SAVED_RECORDING, open_file, require_file
+from gmwm_jax._internal.timing import GAPS, Timing, drift_of, longest_rise, timing
 from gmwm_jax._internal.typing import FloatLike, Names
+from gmwm_jax.recordings._columns import (
+    Signal,
+    is_signal,
+    labels_of,
+    looks_like_time,
+    names_of,
+    pick,
+    rename,
+    select,
+    signals_of,
+    time_of,
+    with_units,
+)
 from gmwm_jax.recordings._public_files import KNOWN_FILES, recognise
-from gmwm_jax.recordings._timebase import rate_of_time
 from gmwm_jax.recordings.recording import Recording
+from gmwm_jax.recordings.understood import Understood
+from gmwm_jax.units import signal_unit
 
 _RATE_TOLERANCE = 0.01
-_TIME = re.compile(r"t(_(s|ms|us|ns))?|(.*_)?(time|timestamps?|sec|secs|seconds?)(_.*)?")
-"""Names of columns of time: ``t``, ``time_s``, ``timestamp_ns``, ``sys_time`` ..."""
 
 
 def read_recording(
@@ -27,22 +43,34 @@ def read_recording(
     *,
     rate: FloatLike | None = None,
     units: str | Sequence[str] | Mapping[str, str] | None = None,
-    channels: Names | None = None,
+    scale: str | Mapping[str, str] | None = None,
     columns: Sequence[int | str] | None = None,
-    time: int | str | None = None,
-    time_unit: str = "s",
+    channels: Names | None = None,
+    names: Names | Mapping[str, str] | None = None,
+    time: int | str | Sequence[int | str] | None = None,
+    time_unit: str | None = None,
+    clock: int | str | Sequence[int | str] | None = None,
+    gaps: str = "refuse",
+    format: str | None = None,
     delimiter: str | None = None,
     header: int | None = None,
-    name: str | None = None,
     variable: str | None = None,
-    gaps: bool = False,
+    name: str | None = None,
+    progress: bool = False,
 ) -> Recording:
-    """Read a recording from a file; its suffix tells the format.
+    """Read a recording from a file; its content and its suffix tell the format.
 
-    Formats: ``.npy``, ``.npz``, ``.parquet``, netCDF (``.nc``), R data (``.rda``, ``.rdata``) and text (``.csv``,
-    ``.tsv``, ``.txt``, ``.dat``, ``.log``, ``.asc``; comments start with ``#`` or ``%``). Names in a file are made
-    plain: ``Gyro. X`` is ``gyro_x``. What `save_recording` wrote and the public files of `gmwm_jax.datasets`,
-    recognised by their content, need no further argument.
+    Files: ``.npy``, ``.npz``, ``.parquet``, netCDF (``.nc``), R data (``.rda``, ``.rdata``), ROS bags (``.bag``,
+    ``.mcap``, ``.db3``, folders) and text (``.csv``, ``.tsv``, ``.txt``, ``.dat``, ``.log``, ``.asc``, ``.imu``; UTF-8,
+    UTF-16 or Latin-1; comments start with ``#``, ``%`` or ``//``), all of them also as ``.gz``, ``.bz2``, ``.xz`` or
+    ``.zip``. Of text the separator, decimal commas, the line of names and a line of units are found; a unit may stand
+    in the name of a column (``gyro_x [deg/s]``, ``gyro_x_deg_s``). Names are made plain: ``Gyro. X`` is ``gyro_x``;
+    `columns`, `channels`, `units` and `time` take them as the file writes them, too. Columns of text are left out.
+
+    Formats of loggers (`format`) name the channels ``gyro_x`` ... ``accel_z`` and know units and time; all but those in
+    brackets are found by their content: ``xsens``, ``vectornav``, ``ros``, ``novatel``, ``euroc``, ``kitti``
+    (``kf-gins``, ``rtklibexplorer``). What was understood is in `Recording.understood`. What `save_recording` wrote and
+    the public files of `gmwm_jax.datasets`, recognised by their content, need no further argument.
 
     Parameters
     ----------
@@ -51,82 +79,141 @@ def read_recording(
     rate
         Sampling rate in Hz; needed unless the file states it or has a column of time. It is never guessed.
     units
-        Unit of the samples in the file, see `Recording.from_array`.
-    channels
-        Names of the channels that are read, in place of those in the file.
+        Unit of the samples in the file, see `Recording.from_array`; what the file states as well must agree.
+    scale
+        Of counts: their size in a unit, as in ``{"gyro": "0.1 deg/s", "accel": "1.25 mg"}``, or the type of IMU, where
+        the format knows such (``novatel``).
     columns
-        The columns to read, by name or number (from 0); default: all but that of time.
+        The columns to read, by name or number (from 0); default: all that hold numbers but that of time, or the gyros
+        and accelerometers of a logger's format.
+    channels
+        The channels to keep, by name or group (``gyro``); default: all that were read.
+    names
+        New names of the channels: one each, or a mapping from the old ones.
     time
-        The column of time, by name or number. It must increase in even steps.
+        The column of time, by name or number, or two of them: date and time of day, week and seconds, or seconds and
+        nanoseconds. Numbers, or texts such as ``2026-01-31T13:02:25.964``.
     time_unit
-        Unit of that column: ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; timestamps need none.
+        Unit of that column: ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; default: what its name says, else seconds.
+    clock
+        The column of a second clock (time of GNSS, say), against which the drift of the first is estimated.
+    gaps
+        What is done where samples are missing, or NaN: ``refuse``, an error; ``nan``, NaN takes their places on the
+        grid of the rate; ``longest``, the longest run is taken.
+    format
+        Of the logger, see above; ``text`` for any other text file, whatever its suffix.
     delimiter
-        Of a text file; default: found among semicolon, tab, comma and blanks.
+        Of a text file; default: found among semicolon, tab, bar, comma and blanks.
     header
-        Number of lines of a text file to skip; default: comments and at most one line of names.
+        Number of the line that holds the names in a text file, from 1; 0: no line does. Default: found.
+    variable
+        The object to read, where an ``.npz`` or R file, or the topic, where a bag holds several.
     name
         Name of the recording; default: the file name.
-    variable
-        The object to read, where an ``.npz`` or R file holds several.
-    gaps
-        Does NaN mark missing samples? Else it is an error (but in what `save_recording` wrote).
+    progress
+        Show a bar.
 
     Raises
     ------
     FileNotFoundError
         No such file.
     ImportError
-        Parquet, netCDF and R data need the extra ``io``.
+        Parquet, netCDF and R data need the extra ``io``, bags the extra ``ros``.
     ValueError
         A file that is corrupt or no regular numeric series; a column of time that is neither named nor left out; a rate
-        or unit that is missing or contradicts the file.
+        or unit that is missing or contradicts the file; missing samples that are refused.
 
     Examples
     --------
-    >>> np.savetxt("static.csv", np.arange(4.0), header="gyro_x", comments="")
-    >>> rec = gj.read_recording("static.csv", rate=100.0, units="rad/s")
+    >>> np.savetxt("static.csv", np.arange(4.0), header="gyro_x [deg/s]", comments="")
+    >>> rec = gj.read_recording("static.csv", rate=100.0)
     >>> rec.channels, rec.data.shape
     (('gyro_x',), (4, 1))
+    >>> gj.read_recording("static.csv", rate=100.0, units="rad/s")
+    Traceback (most recent call last):
+    ValueError: static.csv: units=... says that gyro_x is in rad/s, and the file says deg/s: leave it out.
     """
     file = Path(path)
     require_file(file, _public(file))
+    if gaps not in GAPS:
+        raise ValueError(f"gaps is one of {', '.join(GAPS)}, and is {gaps!r}.")
+    bar = progress_bar(_size(file), "B", progress)
     try:
-        table = open_file(file, Reading(delimiter, header, variable))
-        if table.skipped and columns is None:  # nothing is left out silently
-            raise ValueError(
-                f"Beside the columns {', '.join(table.names or ())} there are {', '.join(table.skipped)}, which are "
-                "none: columns=... or variable=... is needed to choose."
-            )
-        saved = table.title is not None
-        if table.names and not saved:
-            stated = {plain_name(column): unit for column, unit in table.units.items()}
-            table = table._replace(names=plain_names(table.names), units=stated)
-        known = recognise(file) if units is None and not table.units else None
-        if known is not None:
-            table = table._replace(rate=table.rate or known.rate)
-        timed = None if time is None else table.number(time)
-        wanted = range(table.count) if columns is None else [table.number(column) for column in columns]
-        picked = [i for i in wanted if i != timed]
-        if not picked:
-            raise ValueError("No column is left to read besides that of time.")
-        labels = [table.names[i] if table.names else str(i) for i in picked]
-        found = [label for label in labels if _TIME.fullmatch(label.lower())]
-        if found and time is None and known is None and not saved:
-            raise ValueError(f"Column {found[0]!r} looks like time: name it by time=..., or pick others by columns=...")
-        stated = [known.units[i] for i in picked] if known else _stated_units(labels, table.units, units)
-        loaded = list(table.load(picked if timed is None else [*picked, timed]))
-        timed_rate = None if timed is None else rate_of_time(loaded.pop(), time_unit)
-        samples = _stack(loaded, labels)
-        return Recording.from_array(
-            samples,
-            rate=_agreed_rate({"rate=": rate, "the file": table.rate, "the column of time": timed_rate}),
-            units=units if stated is None else stated,
-            channels=labels if channels is None and table.names else channels,
-            name=name or table.title or file.stem,
-            gaps=gaps or (saved and bool(np.any(np.isnan(samples)))),
-        )
+        kind = scale if isinstance(scale, str) and not re.match(r"\s*[-+.\d]", scale) else None
+        table = open_file(file, Reading(delimiter, header, variable, format, kind, bar.update))
+        if kind is not None and table.format != "novatel":
+            raise ValueError(f"scale=... names a type of IMU, {kind!r}, which only logs of novatel are read by.")
+        return _recording(
+            table, file, rate=rate, units=units, scale=None if kind else scale, columns=columns,
+            channels=channels, names=names, time=time, time_unit=time_unit, clock=clock, gaps=gaps, name=name,
+        )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
+    finally:
+        bar.close()
+
+
+def _recording(
+    table: Columns, file: Path, *, rate: Any, units: Any, scale: Any, columns: Any, channels: Any, names: Any,
+    time: Any, time_unit: Any, clock: Any, gaps: str, name: str | None,
+) -> Recording:  # fmt: skip
+    """Make a recording of a table; arguments of `read_recording`."""
+    if table.skipped and columns is None:  # nothing is left out silently
+        raise ValueError(
+            f"Beside the columns {', '.join(table.names or ())} there are {', '.join(table.skipped)}, which are "
+            "none: columns=... or variable=... is needed to choose."
+        )
+    known = None
+    if units is None and not table.units and file.suffix.lower() in (".rda", ".rdata"):
+        known = recognise(file)
+    saved = table.title is not None
+    called = names_of(table)
+    written = table.names or called.labels
+    stamped = time_of(table, called, time, time_unit)
+    second = None if clock is None else time_of(table, called, clock, None)
+    timed = [i for one in (stamped, second) if one is not None for i in one.columns]
+    picked = pick(table, called, columns, timed)
+    found = [plain_name(written[i]) for i in picked if looks_like_time(called.labels[i])]
+    if found and stamped is None and known is None and not saved:
+        raise ValueError(f"Column {found[0]!r} looks like time: name it by time=..., or pick others by columns=...")
+    if columns is None and not table.roles:
+        picked = [i for i in picked if called.units[i] is None or is_signal(str(called.units[i]))] or picked
+    picked = select(picked, channels, table, called)
+    labels = labels_of(picked, table, called)
+    stated = [known.units[i] for i in picked] if known else [called.units[i] for i in picked]
+    found_signals = signals_of(labels, stated, units, scale, table, called)
+    asked = columns is not None or channels is not None
+    picked, labels, signals, left_out = with_units(picked, labels, found_signals, asked, table, scale or units)
+    loaded, times, clocks = _load(table, picked, stamped, second)
+    resets: tuple[str, ...] = ()
+    if times is not None and gaps == "longest" and len(times) and (run := longest_rise(times)) != slice(0, len(times)):
+        resets = (f"The clock falls back; taken were rows {run.start} to {run.stop - 1} of {len(times)}.",)
+        loaded, times = [column[run] for column in loaded], times[run]
+        clocks = None if clocks is None else clocks[run]
+    time_found = None if times is None else timing(times, lambda rows: _repeated(loaded, rows))
+    sources = {
+        "rate=": rate,
+        "the file": table.rate or (known.rate if known else None),
+        f"the column of time {stamped.label}" if stamped and time else _by_format(stamped): getattr(
+            time_found, "rate", None
+        ),
+    }
+    source, hertz = _agreed_rate(sources)
+    titles = rename(labels, names)
+    data = _samples(loaded, signals, hertz, [called.labels[i] for i in picked])
+    data, dropped = _without_gaps(data, time_found, "nan" if saved and gaps == "refuse" else gaps, titles)
+    data.flags.writeable = False
+    understood = Understood(
+        table.format or ("a file of this package" if saved else "a table"),
+        {t: (written[i], s.written) for t, i, s in zip(titles, picked, signals, strict=True)},
+        hertz, source if source != "rate=" else "what was given", time_found,
+        None if times is None or clocks is None else drift_of(times, clocks),
+        (*table.notes, *left_out, *resets, *dropped),
+    )  # fmt: skip
+    return Recording(
+        data, hertz, tuple(titles), tuple(signal_unit(s.unit).si for s in signals), name or table.title or file.stem,
+        gaps=bool(np.any(np.isnan(data))) if gaps == "nan" or saved else False, understood=understood,
+    )  # fmt: skip
 
 
 def save_recording(recording: Recording, path: str | os.PathLike[str]) -> Path:
@@ -171,30 +258,90 @@ def _public(file: Path) -> str:
     return f" gmwm_jax.datasets.load({names[0]!r}) fetches this public data set." if names else ""
 
 
-def _stated_units(labels: Sequence[str], stated: Mapping[str, str], given: Any) -> list[str] | None:
-    """Return the units that the file states for these columns; None: for none of them."""
-    if not any(label in stated for label in labels):
-        return None
-    if missing := [label for label in labels if label not in stated]:
-        raise ValueError(
-            f"The file states units, but not of {', '.join(missing)}: leave them out by columns=..., or state all."
-        )
-    units = [stated[label] for label in labels]
-    if given is not None:
-        raise ValueError(f"The file states its units ({', '.join(units)}): leave out units=...")
-    return units
+def _by_format(stamped: Stamps | None) -> str:
+    return f"its time ({stamped.label})" if stamped else "its time"
 
 
-def _stack(columns: Sequence[np.ndarray], labels: Sequence[str]) -> np.ndarray:
-    """Put columns side by side, or name the one that is not numeric."""
-    for column, label in zip(columns, labels, strict=True):
+def _size(file: Path) -> int | None:
+    return file.stat().st_size if file.is_file() else None
+
+
+def _load(
+    table: Columns, picked: list[int], *stamped: Stamps | None
+) -> tuple[list[np.ndarray], np.ndarray | None, np.ndarray | None]:
+    """Return the columns that are picked, and the seconds of each clock."""
+    numeric = [i for one in stamped if one is not None for i in one.columns if i not in table.text]
+    loaded = list(table.load([*picked, *numeric]))
+    numbers = dict(zip(numeric, loaded[len(picked) :], strict=True))
+    del loaded[len(picked) :]
+    seconds = []
+    for one in stamped:
+        if one is None:
+            seconds.append(None)
+            continue
+        parts = [numbers[i] if i in numbers else table.load_text(i, stamps.from_text) for i in one.columns]
+        seconds.append(one.seconds(parts))
+    return loaded, seconds[0], seconds[1]
+
+
+def _repeated(columns: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """Do these rows hold the values of the row before?"""
+    return np.all([column[rows] == column[rows - 1] for column in columns], axis=0)
+
+
+def _samples(columns: list[np.ndarray], signals: Sequence[Signal], rate: float, labels: Sequence[str]) -> np.ndarray:
+    """Put columns side by side in SI, channel by channel; each is forgotten when it is copied, so that one is twice."""
+    data = np.empty((len(columns[0]), len(columns)), order="F")
+    for i, (signal, label) in enumerate(zip(signals, labels, strict=True)):
+        column = columns[i]
         if column.dtype.kind not in "iuf":
             raise ValueError(f"Column {label!r} holds {column[:1]} ({column.dtype}), not numbers: leave it out.")
-    return np.stack(columns).T
+        unit = signal_unit(signal.unit)
+        data[:, i] = column
+        data[:, i] *= unit.factor * signal.factor * (rate if unit.increments else 1.0)
+        columns[i] = column = np.empty(0)
+    return data
 
 
-def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
-    """Return the rate of the first source that states one; the others must agree with it."""
+def _without_gaps(
+    data: np.ndarray, time: Timing | None, gaps: str, titles: Sequence[str]
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the samples as the policy has them, and what was done."""
+    notes: list[str] = []
+    if time is not None and (time.missing or time.duplicated):
+        rows = np.arange(len(data))[time.kept(gaps)]
+        if gaps == "nan":
+            places = time.place[rows]
+            full = np.full((int(places[-1]) + 1, data.shape[1]), np.nan, order="F")
+            full[places] = data[rows]
+            data = full
+            notes.append(f"{time.missing} missing samples became NaN.")
+        else:
+            notes.append(f"The longest run without gaps was taken: rows {rows[0]} to {rows[-1]} of {len(data)}.")
+            data = np.asfortranarray(data[rows])
+    if gaps == "longest":
+        missing = np.any(np.isnan(data), axis=1)
+        if missing.any():
+            edges = np.flatnonzero(np.diff(np.concatenate([[True], missing, [True]]).astype(np.int8)))
+            starts, ends = edges[::2], edges[1::2]
+            longest = int(np.argmax(ends - starts)) if len(starts) else 0
+            if not len(starts):
+                raise ValueError("Each row has a sample that is NaN: there is no run without.")
+            data = np.asfortranarray(data[starts[longest] : ends[longest]])
+            notes.append(f"The longest run without NaN was taken: rows {starts[longest]} to {ends[longest] - 1}.")
+    elif gaps == "refuse":
+        for i, title in enumerate(titles):
+            if np.isnan(np.sum(data[:, i])) and len(bad := np.flatnonzero(np.isnan(data[:, i]))):
+                raise ValueError(
+                    f"channel {title!r} holds {len(bad)} values that are NaN, the first (nan) at index {bad[0]}. If "
+                    'they are missing samples, gaps="nan" takes them for such, and gaps="longest" the longest run '
+                    "without; else repair them."
+                )
+    return data, tuple(notes)
+
+
+def _agreed_rate(sources: dict[str, FloatLike | None]) -> tuple[str, float]:
+    """Return the first source that states a rate, and that rate; the others must agree with it."""
     rates = {source: sampling_rate(rate) for source, rate in sources.items() if rate is not None}
     if not rates:
         raise ValueError(
@@ -205,4 +352,4 @@ def _agreed_rate(sources: dict[str, FloatLike | None]) -> float:
     for source, other in others:
         if abs(other / rate - 1) > _RATE_TOLERANCE:
             raise ValueError(f"Wrong rate (or time_unit): {first} says {rate:g} Hz, and {source} {other:g} Hz.")
-    return rate
+    return first, rate

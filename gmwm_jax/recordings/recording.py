@@ -16,6 +16,7 @@ from gmwm_jax._internal.checks import finite_record, present_samples, sampling_r
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import FloatLike, Names
+from gmwm_jax.recordings.understood import Understood
 from gmwm_jax.units import SI_SIGNALS, SignalUnit, signal_unit
 
 
@@ -37,6 +38,8 @@ class Recording(Drawable):
         Of the recording, for tables and figures.
     gaps
         Does NaN mark missing samples? Else it is an error.
+    understood
+        Of one that was read from a file: the format, columns, units and time that were understood.
 
     Raises
     ------
@@ -58,6 +61,7 @@ class Recording(Drawable):
     units: tuple[str, ...]
     name: str = ""
     gaps: bool = False
+    understood: Understood | None = None
 
     def __post_init__(self) -> None:
         _check_shape(self.data)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.checks import increasing, real_array, require_x64
-from gmwm_jax._internal.tabular import Reading, open_source
+from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes

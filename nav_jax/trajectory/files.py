@@ -10,7 +10,8 @@ import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import number, real_array, require_x64
-from gmwm_jax._internal.tabular import Reading, open_source
+from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.typing import Real
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic

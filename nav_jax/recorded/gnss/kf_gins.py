@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from gmwm_jax._internal.text_files import open_text
+from gmwm_jax._internal.text_source import text_source
 from nav_jax.recorded.gnss.raw import Asked, RawFixes, diagonal
 from nav_jax.recorded.gnss.time_scales import WEEK, from_weeks
 
 
 def read_kf_gins(file: Path, asked: Asked) -> RawFixes:
     """Read a GNSS file of KF-GINS."""
-    table = open_text(file, asked.delimiter, asked.header)
+    table = open_text(text_source(file), asked.delimiter, asked.header)
     if table.count not in (7, 13):
         raise ValueError(
             "A GNSS file of KF-GINS has the 7 columns seconds of the week, latitude, longitude, height and three "

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gmwm_jax._internal.tabular import Reading, open_source
+from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.tabular import open_source
 from nav_jax.recorded.gnss.raw import Asked, RawFixes, diagonal
 from nav_jax.recorded.gnss.time_scales import from_calendar
 from nav_jax.trajectory.columns import (

@@ -8,7 +8,8 @@ import pytest
 import xarray as xr
 
 from gmwm_jax._internal import text_files
-from gmwm_jax._internal.tabular import Reading, open_file, open_source
+from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.tabular import open_file, open_source
 
 X = np.random.default_rng(3).normal(size=(200, 4)) * 10.0 ** np.arange(-9, 3, 3)
 
@@ -73,7 +74,7 @@ BAD = [
     ("1,2\n3,1_000\n", None, "Line 2, column 1 holds the text '1_000'"),
     ("1,2\n3,0x10\n", None, "Line 2, column 1 holds the text '0x10'"),
     ("1,2\n3,NA\n", None, "Line 2, column 1 holds the text 'NA'"),
-    ("1;2\n3;4,5\n", None, "Write decimal commas as points"),
+    ("1;2.0\n3;4,5\n", None, "Write decimal commas as points"),
     ("1,2\n3,\n", None, "Line 2, column 1 is empty"),
     ("1,2\n3\n", None, "Line 2 has 1 fields"),
     ("1,2\n3,4,5\n", None, "Line 2 has 3 fields"),

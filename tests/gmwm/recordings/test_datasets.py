@@ -146,7 +146,7 @@ def test_real_imu_file_needs_no_argument(shared):
     counts = rec.column("gyro_x") / (0.05 * DEG)
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
     assert abs(rec.column("accel_z").mean()) == pytest.approx(G, rel=0.03)
-    stated = read_recording(path, columns=["accel_z", "gyro_x"], units=["g", "deg/s"], channels=["down", "roll"])
+    stated = read_recording(path, columns=["accel_z", "gyro_x"], units=["g", "deg/s"], names=["down", "roll"])
     assert (stated.channels, stated.rate) == (("down", "roll"), 100.0)
     np.testing.assert_array_equal(stated.column("down"), rec.column("accel_z"))
     np.testing.assert_array_equal(stated.column("roll"), rec.column("gyro_x"))

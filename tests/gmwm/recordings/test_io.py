@@ -42,7 +42,7 @@ def test_npy(tmp_path):
     np.testing.assert_array_equal(rec.data, X)
     assert (rec.name, rec.rate, rec.units) == ("a", 50.0, ("rad/s",) * 3)
     (tmp_path / "a.npy").rename(tmp_path / "a.NPY")
-    rec = read_recording(str(tmp_path / "a.NPY"), **STATED, channels=["x", "y", "z"], name="n")
+    rec = read_recording(str(tmp_path / "a.NPY"), **STATED, names=["x", "y", "z"], name="n")
     assert (rec.channels, rec.name) == (("x", "y", "z"), "n")
 
 
@@ -108,7 +108,9 @@ def test_saved_recordings_come_back_as_they_were(tmp_path, saved):
 
 def test_what_a_saved_file_states_is_not_overridden(tmp_path, saved):
     path = save_recording(saved, tmp_path / "r.npz")
-    with pytest.raises(ValueError, match=r"states its units \(rad/s, rad/s, m/s\^2\): leave out units"):
+    with pytest.raises(
+        ValueError, match=r"units=... says that gyro_x is in deg/s, and the file says rad/s: leave it out"
+    ):
         read_recording(path, units="deg/s")
     with pytest.raises(ValueError, match=r"Wrong rate .*: rate= says 100 Hz, and the file 50 Hz"):
         read_recording(path, rate=100.0)
@@ -177,9 +179,12 @@ def test_text_suffixes_and_line_ends(write, name, end):
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
 def test_text_encodings(write, encoding):
-    rec = read_recording(write("gx [°/s],gy [°/s],gz [°/s]\n" + lines(","), encoding=encoding), **STATED)
-    assert rec.channels == ("gx_s", "gy_s", "gz_s")
-    np.testing.assert_array_equal(rec.data, X)
+    file = write("gx [°/s],gy [°/s],gz [°/s]\n" + lines(","), encoding=encoding)
+    rec = read_recording(file, rate=50.0)
+    assert (rec.channels, rec.units) == (("gx", "gy", "gz"), ("rad/s",) * 3)
+    np.testing.assert_allclose(rec.data, X * DEG, rtol=1e-15)
+    with pytest.raises(ValueError, match="says that gx is in rad/s, and the file says deg/s"):
+        read_recording(file, **STATED)
     np.testing.assert_array_equal(read_recording(write(lines(","), encoding=encoding), **STATED).data, X)
 
 
@@ -191,11 +196,15 @@ def test_text_quoted_values_and_trailing_comments(write):
 
 
 def test_text_given_header_and_delimiter(write):
-    text = "Logger 3\na,b,c\ns,deg,deg\n" + lines(",")
-    rec = read_recording(write(text), **STATED, header=3)
-    np.testing.assert_array_equal(rec.data, X)
-    assert rec.channels == ("a", "b", "c")
-    assert read_recording(write(text), **STATED, header=3, channels=["u", "v", "w"]).channels == ("u", "v", "w")
+    text = "Logger 3\na,b,c\ndeg/s,deg/s,deg/s\n" + lines(",")
+    for header in (None, 2, 3):
+        rec = read_recording(write(text), rate=50.0, header=header)
+        np.testing.assert_allclose(rec.data, X * DEG, rtol=1e-15)
+        assert rec.channels == ("a", "b", "c")
+    renamed = read_recording(write(text), rate=50.0, names=["u", "v", "w"], channels=["c", "a", "b"])
+    assert renamed.channels == ("u", "v", "w")
+    np.testing.assert_allclose(renamed.data, X[:, [2, 0, 1]] * DEG, rtol=1e-15)
+    assert read_recording(write(text), rate=50.0, names={"b": "y"}).channels == ("a", "y", "c")
     assert len(read_recording(write("1,2\n" + lines(",", X[:, :2])), **STATED, header=1)) == 40
     np.testing.assert_array_equal(read_recording(write(lines("|")), **STATED, delimiter="|").data, X)
 
@@ -218,10 +227,10 @@ def test_text_columns_and_time_by_name_or_number(write):
         ("a,b\n# nothing\n", {}, "holds no line of data"),
         ("1,2\n3,4\n5,abc\n", {}, "Line 3, column 1 holds the text 'abc', not a number"),
         ("# c\na,b\n1,2\n\n3,x 4\n", {}, "Line 5, column 1 holds the text 'x 4'"),
-        ("1;2\n1;2,5\n", {}, "Line 2, column 1 holds the text '2,5', not a number. Write decimal commas as points"),
-        ("a,b\nrad,deg\n1,2\n", {}, "Line 2, column 0 holds the text 'rad'"),
+        ("1;2.0\n1;2,5\n", {}, "Line 2, column 1 holds the text '2,5', not a number. Write decimal commas as points"),
+        ("a,b\nrad,s\n1,2\n2,1\n", {}, "units=... says that a is in rad/s, and the file says rad"),
         ("1,2\n3,\n", {}, "Line 2, column 1 is empty"),
-        ("1,2,\n3,4,\n", {}, "Line 1, column 2 is empty"),
+        ("1,2,\n3,4,\n", {"columns": [2]}, "Line 1, column 2 is empty"),
         ("1,2\n3,4\n5\n", {}, r"Line 3 has 1 fields, and the first line of data 2: \['5'\]"),
         ("1 2\n3 4 5\n", {}, "Line 2 has 3 fields, and the first line of data 2"),
         ("1,2,3\n4,5,6,7\n", {"columns": [0]}, "Line 2 has 4 fields"),
@@ -232,7 +241,13 @@ def test_text_columns_and_time_by_name_or_number(write):
         ("1,2\n3,4\n", {"time": "t"}, "no column 't'.*without names"),
         ("a,b\n1,2\n3,4\n", {"columns": ["c"]}, "no column 'c'; the file has 2, numbered from 0: a, b"),
         ("t\n1\n2\n", {"time": "t"}, "No column is left to read besides that of time"),
-        ("1,2\n3,4\n", {"channels": ["x"]}, "1 channel names"),
+        ("1,2\n3,4\n", {"names": ["x"]}, "1 channel names"),
+        (
+            "1,2\n3,4\n",
+            {"channels": ["x"]},
+            "no channel or group 'x'; the channels are: channel_0, channel_1. New names",
+        ),
+        ("a,b\n1,2\n3,4\n", {"names": {"c": "d"}}, "renames c, and the channels are: a, b"),
         ("a b,a_b\n1,2\n3,4\n", {}, "occur twice: a_b"),
         ("1,2\n3,nan\n", {}, r"'channel_1' holds 1 values.*\(nan\) at index 1"),
         ("1,2\n3,2\n", {}, "'channel_1' is constant"),
@@ -268,8 +283,12 @@ def test_a_given_rate_that_agrees_with_time_holds(write):
 @pytest.mark.parametrize(
     ("times", "arguments", "message"),
     [
-        (T * 1.02, {"rate": 50.0}, r"Wrong rate \(or time_unit\): rate= says 50 Hz, and the column of time 49.0"),
-        (T, {"time_unit": "ms", "rate": 50.0}, "Wrong rate .*the column of time 50000 Hz"),
+        (
+            T * 1.02,
+            {"rate": 50.0},
+            r"Wrong rate \(or time_unit\): rate= says 50 Hz, and the column of time 't' .s. 49.0",
+        ),
+        (T, {"time_unit": "ms", "rate": 50.0}, "Wrong rate .*the column of time 't' .ms. 50000 Hz"),
         (T, {"time_unit": "fortnight"}, "Unknown unit of time 'fortnight'"),
         (np.delete(T, 7), {}, "gap of 0.04 s before index 7, where the usual step is 0.02 s"),
         (np.where(np.arange(40) == 9, 0.1, T), {}, "does not increase at index 9"),
@@ -330,8 +349,9 @@ def test_parquet(tmp_path):
     rec = read_recording(path, units="deg/s", columns=["gyro_y", "gyro_x"], time="stamp")
     np.testing.assert_allclose(rec.data, np.column_stack([X[:, 1].astype(np.float32), X[:, 0]]) * DEG, rtol=1e-15)
     assert rec.rate == pytest.approx(50.0, rel=1e-12, abs=0)
+    assert read_recording(path, units="deg/s", time="stamp").channels == ("gyro_x", "gyro_y")  # text is left out
     with pytest.raises(ValueError, match=r"Column 'note' holds .*ok.*not numbers"):
-        read_recording(path, units="deg/s", time="stamp")
+        read_recording(path, units="deg/s", time="stamp", columns=["note"])
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(ValueError, match="no Parquet file, or it is truncated or corrupt"):
         read_recording(path, units="deg/s", time="stamp")
@@ -435,13 +455,15 @@ def test_netcdf_states_units(tmp_path):
     rec = read_recording(tmp_path / "a.nc", time="t")
     assert (rec.channels, rec.units) == (("gyro_x", "gyro_y"), ("rad/s", "rad/s"))
     np.testing.assert_allclose(rec.data, X[:, :2] * DEG, rtol=1e-15)
-    with pytest.raises(ValueError, match=r"states its units \(deg/s, deg/s\): leave out units"):
+    with pytest.raises(ValueError, match=r"says that gyro_x is in rad/s, and the file says deg/s"):
         read_recording(tmp_path / "a.nc", time="t", units="rad/s")
     with pytest.raises(ValueError, match="'t' looks like time"):
         read_recording(tmp_path / "a.nc", rate=50.0)
     xr.Dataset({**channels, "other": ("t", X[:, 2])}).to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
+    rec = read_recording(tmp_path / "b.nc", rate=50.0)
+    assert (rec.channels, rec.understood.notes) == (("gyro_x", "gyro_y"), ("Left out, of unknown unit: other.",))
     with pytest.raises(ValueError, match="states units, but not of other"):
-        read_recording(tmp_path / "b.nc", rate=50.0)
+        read_recording(tmp_path / "b.nc", rate=50.0, channels=["gyro", "other"])
     assert read_recording(tmp_path / "b.nc", rate=50.0, columns=["gyro_y"]).channels == ("gyro_y",)
 
 

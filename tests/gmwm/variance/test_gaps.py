@@ -239,9 +239,9 @@ def test_a_recording_with_gaps(gappy, tmp_path):
     assert back.gaps
     np.testing.assert_array_equal(back.data, recording.data)
     np.savetxt(tmp_path / "x.csv", gappy[:50], delimiter=",")
-    read = gj.read_recording(tmp_path / "x.csv", rate=10.0, units="1", gaps=True)
+    read = gj.read_recording(tmp_path / "x.csv", rate=10.0, units="1", gaps="nan")
     np.testing.assert_array_equal(read.data, gappy[:50])
-    with pytest.raises(ValueError, match=r"NaN or infinite.*index 0.*gaps=True"):
+    with pytest.raises(ValueError, match=r"NaN.*at index.*gaps=\"nan\".*gaps=\"longest\""):
         gj.read_recording(tmp_path / "x.csv", rate=10.0, units="1")
 
 

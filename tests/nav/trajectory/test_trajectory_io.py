@@ -174,7 +174,7 @@ ROW = "0,0,0,0,0,0,0\n1,1,0,0,0,0,0\n"
             "Line 3, column 1 holds the text 'x'",
         ),
         (
-            lambda d: read_trajectory(write(d / "a.csv", ROW.replace(",", ";").replace(";1;", ";1,5;")), **STATED),
+            lambda d: read_trajectory(write(d / "a.csv", "2;1,5;0;0;0;0;0\n0.5;1"), **STATED),
             "decimal commas",
         ),
         (lambda d: read_trajectory(write(d / "a.csv", "t,n,e\n")), "no data"),
@@ -182,7 +182,7 @@ ROW = "0,0,0,0,0,0,0\n1,1,0,0,0,0,0\n"
         (lambda d: read_trajectory(write(d / "a.RData", "text")), "no R data file"),
         (lambda d: read_trajectory(write(d / "a.parquet", "text")), "no Parquet file"),
         (lambda d: read_trajectory(write(d / "a.nc", "text")), "no netCDF file"),
-        (lambda d: read_trajectory(d / "a.xls"), "Unknown suffix"),
+        (lambda d: read_trajectory(write(d / "a.xls", "1 2")), "Unknown suffix"),
         (lambda d: save_trajectory(REF, d / "a.mat"), r"saved as \.npz, \.csv, \.kml, \.gpx"),
         (lambda d: to_geodetic(REF, (45.0, 7.0, 0.0)), "in rad"),
     ],

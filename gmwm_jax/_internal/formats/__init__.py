@@ -1,0 +1,1 @@
+"""Formats of loggers: one file and one row of `registry` each."""
