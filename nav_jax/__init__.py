@@ -4,7 +4,7 @@ Conventions
 -----------
 Frames: n = local north, east, down; b = body front, right, down. C_nb and q_nb take b to n; quaternions are Hamilton's,
 scalar first, of unit length. Gyros measure the body rate in rad/s, accelerometers the specific force in m/s^2 (at rest,
-minus gravity). The Earth is flat and does not turn.
+minus gravity). The Earth is flat and does not turn unless another one is given (`nav_jax.kinematics.AbstractEarth`).
 
 Errors are estimate minus truth; the attitude error is the rotation vector of C_est C_true' in n. NEES is e' P^-1 e, its
 expectation the number of states; coverage is the share of runs in which it is below the chi-square quantile.

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -11,10 +12,11 @@ from jaxtyping import Float
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, noises, spread, timing
 from nav_jax.imu.noise_models import NoiseModel
+from nav_jax.kinematics.earth import AbstractEarth
 
 
 class Barometer(AbstractAiding):
-    """A barometer, which measures the height above the origin, -p_D.
+    """A barometer, which measures the height above the origin: that of the Earth on which it is, -p_D on a flat one.
 
     Parameters
     ----------
@@ -50,6 +52,8 @@ class Barometer(AbstractAiding):
 
     noise: tuple[NoiseModel, ...]
     believed: Float[Array, "1"]
+    earth: AbstractEarth | None
+    """Where heights are those of a surface that is not flat."""
     rate: float = eqx.field(static=True)
     first: float = eqx.field(static=True)
     outages: tuple[tuple[float, float], ...] = eqx.field(static=True)
@@ -65,7 +69,7 @@ class Barometer(AbstractAiding):
         believed: Any = None,
         name: str = "barometer",
     ):
-        self.name = name
+        self.name, self.earth = name, None
         self.rate, self.first, self.outages = timing(name, rate, first, outages)
         self.noise, self.believed = noises(
             name, (height,), None if believed is None else spread(name, believed, (self.axes,))
@@ -78,14 +82,22 @@ class Barometer(AbstractAiding):
 
     @property
     def linear(self) -> bool:
-        """Height is a position."""
-        return True
+        """Height is a position where the Earth is flat."""
+        return self.earth is None
+
+    def on(self, earth: AbstractEarth) -> "Barometer":  # noqa: D102
+        curved = None if earth.is_flat else earth
+        return eqx.tree_at(lambda s: s.earth, self, curved, is_leaf=lambda leaf: leaf is None)
 
     def predict(self, state, body):  # noqa: D102
-        return -state.p[2:3]
+        return -state.p[2:3] if self.earth is None else self.earth.height(state.p)[None]
 
     def jacobian(self, state, body, layout):  # noqa: D102
-        return jnp.zeros((1, layout.size, 1)).at[:, layout["position"], 0].set(-jnp.eye(3)[2:])
+        if self.earth is None:
+            return jnp.zeros((1, layout.size, 1)).at[:, layout["position"], 0].set(-jnp.eye(3)[2:])
+        height = self.earth.height
+        upward = jax.grad(lambda p: jnp.sum(height(p)))(state.p)
+        return jnp.zeros((1, layout.size, upward.shape[1])).at[0, layout["position"]].set(upward)
 
     def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
         return ("height",)

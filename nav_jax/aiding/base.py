@@ -21,6 +21,7 @@ from gmwm_jax._internal.chunks import stream_keys
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.states import OwnState
 from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw, white_sd
+from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.state import BodyMotion, NavState
 
 _TOLERANCE = 1e-6
@@ -101,6 +102,10 @@ class AbstractAiding(eqx.Module):
     def mixing(self) -> Float[Array, "K K"] | None:
         """Lower triangular L of correlated components: the noise is L e; `noise` and `believed` are those of e."""
         return None
+
+    def on(self, earth: AbstractEarth) -> "AbstractAiding":
+        """The sensor on an Earth; itself, unless what it measures depends on more than the motion in n."""
+        return self
 
     @abc.abstractmethod
     def predict(self, state: NavState, body: BodyMotion | None) -> Float[Array, "K R"]:

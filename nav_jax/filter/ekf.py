@@ -16,9 +16,9 @@ from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics import strapdown
-from nav_jax.kinematics.earth import Gravity
+from nav_jax.kinematics.earth import EarthInLoops
 from nav_jax.kinematics.linalg import symmetrise
-from nav_jax.kinematics.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
+from nav_jax.kinematics.rotation import cross, dcm_from_quat, quat_from_rotvec, quat_multiply
 from nav_jax.kinematics.state import NavState
 
 
@@ -37,11 +37,11 @@ def mechanise(
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
-    gravity: Gravity,
+    earth: EarthInLoops,
 ) -> NavState:
     """Advance the estimate by the n pieces of one covariance step, without the covariance."""
     for i in range(len(dt)):
-        state, _ = _piece(state, imu[i], dt[i], ends[i], bank, gravity.at(state.p))
+        state, _, _ = _piece(state, imu[i], dt[i], ends[i], bank, earth)
     return state
 
 
@@ -51,7 +51,7 @@ def mechanise_with_motion(
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
-    gravity: Gravity,
+    earth: EarthInLoops,
     *,
     with_reading: bool = False,
 ) -> tuple[NavState, Motion]:
@@ -63,18 +63,20 @@ def mechanise_with_motion(
     first, T = state, jnp.sum(dt)
     C = dcm_from_quat(state.q)
     C_sum = jnp.zeros_like(C)
-    # integrals of gravity, to be accumulated where it differs from piece to piece
-    falls = None if gravity.constant is not None else (jnp.zeros_like(first.v), jnp.zeros_like(first.v))
+    # integrals of gravity and of the Coriolis acceleration, to be accumulated where they differ from piece to piece
+    is_same = earth.constant is not None and earth.rate is None
+    falls = None if is_same else (jnp.zeros_like(first.v), jnp.zeros_like(first.v))
 
     def piece(carry, inputs):
         state, C, C_sum, reading, falls = carry
         sample, length, end = inputs
-        g_n = gravity.at(state.p)
-        state, sensed = _piece(state, sample, length, end, bank, g_n)
+        v = state.v
+        state, sensed, fall = _piece(state, sample, length, end, bank, earth)
         C_next = dcm_from_quat(state.q)
         reading = None if reading is None else reading + length * sensed
         if falls is not None:
-            falls = falls[0] + length * g_n, falls[1] + length * falls[0] + length**2 / 2 * g_n
+            fall = fall if earth.rate is None else fall - cross(earth.rate, v + state.v)
+            falls = falls[0] + length * fall, falls[1] + length * falls[0] + length**2 / 2 * fall
         return (state, C_next, C_sum + length / 2 * (C + C_next), reading, falls), None
 
     carry = (state, C, C_sum, jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None, falls)
@@ -85,19 +87,22 @@ def mechanise_with_motion(
     # an empty step has no mean, and needs none: everything it multiplies is zero
     inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
     mean = C_sum * inverse
-    g_n = gravity.at(first.p)
-    once, twice = (T * g_n, T**2 / 2 * g_n) if falls is None else falls
+    if falls is None:
+        g_n = earth.gravity(first.p, first.v, T)
+        falls = T * g_n, T**2 / 2 * g_n
+    once, twice = falls
     S_1 = state.v - first.v - once
     S_2 = state.p - first.p - T * first.v - twice
-    gradient = gravity.gradient((first.p + state.p) / 2)
-    return state, Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient)
+    gradient = earth.gradient((first.p + state.p) / 2)
+    return state, Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient, earth.rate)
 
 
-def _piece(state, sample, dt, ends, bank, g_n):
-    """The estimate after a piece, and what the IMU has sensed during it as far as one knows."""
+def _piece(state, sample, dt, ends, bank, earth):
+    """The estimate after a piece; what the IMU has sensed during it as far as one knows, and gravity."""
     sensed = bank.compensated(sample, state.x)
-    p, v, q = strapdown.step(state.p, state.v, state.q, sensed[3:], sensed[:3], dt, g_n)
-    return NavState(p, v, q, bank.advance(state.x, ends)), sensed
+    g_n = earth.gravity(state.p, state.v, dt)
+    p, v, q = strapdown.step(state.p, state.v, state.q, sensed[3:], sensed[:3], dt, g_n, earth.rate)
+    return NavState(p, v, q, bank.advance(state.x, ends)), sensed, g_n
 
 
 def update(

@@ -1,9 +1,12 @@
 r"""How a navigation error grows over one covariance step, and the covariance with it.
 
 Errors are estimate minus truth, psi the rotation vector of C_est C_true' in n. With the error delta_f, delta_w of the
-compensated sensors (Groves 2013, sec. 14.2, on a flat Earth that does not turn):
+compensated sensors (Groves 2013, sec. 14.2, in the frame of `nav_jax.kinematics.earth`):
 
-    psi' = C delta_w,   v' = -[f_n x] psi + C delta_f,   p' = v.
+    psi' = -[w x] psi + C delta_w,   v' = -[f_n x] psi - 2 [w x] v + Gamma p + C delta_f,   p' = v
+
+with the rotation vector w of the Earth and the gradient Gamma of gravity, which has the centrifugal part in it. Both
+are zero on a flat Earth that does not turn, of which the next paragraph is.
 
 Over a step of length T, from the mechanised state itself: S_1 = int f_n = v(T) - v(0) - g T, S_2 = int int f_n =
 p(T) - p(0) - v(0) T - g T^2/2, hence int f_n s ds = T S_1 - S_2, and Cm the mean of C. The sums run over every sample
@@ -15,8 +18,10 @@ over the step, where x is the error of the sensor states, and
 with L = (T S_1 - S_2)/T. This is the transition to second order in the rotation within the step and to the second
 integral of the sensor errors; E, the integral of a Markov state over the step, is exact (`sensor_bank`).
 
-Where gravity is not the same everywhere, its gradient Gamma adds T Gamma p + T^2/2 Gamma v to v and T^2/2 Gamma p to p,
-and what the specific force makes of v and p is without the gravity that was met on the way.
+Where gravity is not the same everywhere, its gradient adds T Gamma p + T^2/2 Gamma v to v and T^2/2 Gamma p to p. Where
+the Earth turns, half of what it does to errors comes before all that and half after: psi is turned by exp(-[w x] T/2)
+and v by exp(-[w x] T), twice. This is second order in T (Strang 1968). In both cases S_1 and S_2 are without the
+gravity and the Coriolis acceleration that were met on the way.
 
 Covariance blocks: N (navigation), S (navigation with sensor states), B (sensor states); runs are the last axis.
 """
@@ -29,7 +34,7 @@ from jaxtyping import Array, Float
 from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import StepNoise
 from nav_jax.kinematics.linalg import matmul3, transpose
-from nav_jax.kinematics.rotation import cross
+from nav_jax.kinematics.rotation import cross, dcm_from_quat, quat_from_small_rotvec
 
 
 class Covariance(NamedTuple):
@@ -50,6 +55,8 @@ class Motion(NamedTuple):
     """Mean of what the IMU senses, where errors depend on it."""
     gradient: Float[Array, "3 3 R"] | None = None
     """Of gravity; None where it is the same everywhere."""
+    rate: Float[Array, "3 1"] | None = None
+    """Of the Earth; None where it does not turn."""
 
 
 def full(P: Covariance) -> Float[Array, "n n R"]:
@@ -68,12 +75,23 @@ class _Step:
     """The maps of one covariance step, see the head of this file."""
 
     def __init__(self, motion: Motion, noise: StepNoise):
-        self.C, self.S_1, self.S_2, self.reading, self.gradient = motion
+        self.C, self.S_1, self.S_2, self.reading, self.gradient, rate = motion
         self.noise, self.T = noise, noise.duration
         self.lever = self.S_1 - self.S_2 * noise.inverse_duration
+        self.turns = None
+        if rate is not None:
+            # of the velocity, by the Coriolis acceleration, and of the attitude, in half a step
+            self.turns = tuple(dcm_from_quat(quat_from_small_rotvec(-s * self.T * rate)) for s in (1.0, 0.5))
+
+    def turned(self, X: Array) -> Array:
+        """Navigation errors after half a step in which nothing happens but that the Earth turns; X (nav, K, R)."""
+        if self.turns is None:
+            return X
+        v, psi = matmul3(self.turns[0], X[VELOCITY]), matmul3(self.turns[1], X[ATTITUDE])
+        return jnp.concatenate([X[POSITION], v, psi])
 
     def A(self, X: Array) -> Array:
-        """Navigation errors to navigation errors; X (nav, K, R)."""
+        """Navigation errors to navigation errors, on an Earth that does not turn; X (nav, K, R)."""
         p, v, psi = X[POSITION], X[VELOCITY], X[ATTITUDE]
         moved, faster = p + self.T * v - cross(self.S_2[:, None], psi), v - cross(self.S_1[:, None], psi)
         if self.gradient is not None:
@@ -92,12 +110,16 @@ class _Step:
         """Sensor states to navigation errors; X (M, K, R)."""
         return self.G(self.noise.integrate(X, self.reading))
 
+    def navigation(self, X: Array, S: Array) -> Array:
+        """Navigation errors X (nav, K, R) and sensor states S (M, K, R) to navigation errors."""
+        return self.turned(self.A(self.turned(X)) + self.H(S))
+
 
 def transition(X: Float[Array, "n K R"], motion: Motion, noise: StepNoise) -> Float[Array, "n K R"]:
     """Phi X: errors of navigation and sensor states after a covariance step."""
     step = _Step(motion, noise)
     navigation, sensors = X[: NAVIGATION.size], X[NAVIGATION.size :]
-    return jnp.concatenate([step.A(navigation) + step.H(sensors), transpose(noise.carry(transpose(sensors)))])
+    return jnp.concatenate([step.navigation(navigation, sensors), transpose(noise.carry(transpose(sensors)))])
 
 
 def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
@@ -112,10 +134,10 @@ def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
         return N.at[VELOCITY, VELOCITY].add(half_a).at[ATTITUDE, ATTITUDE].add(half_g)
 
     # [A H] [N S; S' B] = [W U], and from the right with [A H]'
-    W, U = step.A(add_half(P.navigation)) + step.H(transpose(P.mixed)), step.A(P.mixed) + step.H(P.sensors)
-    N = add_half(transpose(step.A(transpose(W)) + step.H(transpose(U))))
+    W, U = step.navigation(add_half(P.navigation), transpose(P.mixed)), step.navigation(P.mixed, P.sensors)
+    N = add_half(transpose(step.navigation(transpose(W), transpose(U))))
     S = noise.carry(U)
     if noise.several:
         N = N.at[POSITION, POSITION].add(2 * noise.second_integral * half_a)
-        S = S + step.G(noise.cross)
+        S = S + step.turned(step.G(noise.cross))
     return Covariance(N, S, noise.advance(P.sensors))

@@ -38,7 +38,7 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.linalg import factor
-from nav_jax.kinematics.state import BodyMotion, NavState
+from nav_jax.kinematics.state import NavState, body_motion
 from nav_jax.trajectory.trajectory import Trajectory
 
 GAINS = ("estimate", "reference")
@@ -64,7 +64,8 @@ class Setup:
     def __init__(self, scenario: Scenario, rate: Real):
         of_kind("scenario", scenario, Scenario)
         bound_programs()
-        self.scenario, self.rate, self.aiding = scenario, rate, tuple(scenario.aiding)
+        self.scenario, self.rate = scenario, rate
+        self.aiding = tuple(s.on(scenario.earth) for s in scenario.aiding)
         self.imu, self.reference = perfect_imu(scenario.reference, rate, scenario.earth)
         # resampled, it may end a little earlier
         epochs = self.reference.time
@@ -145,7 +146,8 @@ def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], ea
     sample = np.minimum(index, len(imu.time) - 1)
     p, v, q = (jnp.asarray(a[index].T) for a in (reference.position, reference.velocity, reference.quaternion))
     gyro, accel = jnp.asarray(imu.gyro[sample].T), jnp.asarray(imu.accel[sample].T)
-    p, v, q = strapdown.step(p, v, q, gyro, accel, jnp.asarray(past)[None], earth.gravity_n(p))
+    dt, rate_n = jnp.asarray(past)[None], earth.rate_n(p) if earth.is_turning else None
+    p, v, q = strapdown.step(p, v, q, gyro, accel, dt, earth.gravity_n(p + dt / 2 * v), rate_n)
     return Truth(*(a.T[:, :, None] for a in (p, v, q)))
 
 
@@ -184,8 +186,9 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
             x = timeline.own.draw(i, steps, experiment.num_samples, of_states)
         runs = x.shape[2]
         truth_at_fixes = [jnp.repeat(a[segment], runs, axis=2) for a in (*timeline.truth, timeline.sensed[:, :, None])]
-        p, v, q, motion = truth_at_fixes
-        exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), BodyMotion(motion[:, :3], motion[:, 3:]))
+        p, v, q, reading = truth_at_fixes
+        body = jax.vmap(lambda reading, q: body_motion(reading, q, timeline.earth.rate))(reading, q)
+        exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), body)
         measured = jax.vmap(lambda h, sensor=sensor: decorrelated(sensor, h))(exact) + noise
         z.append(jnp.zeros((M, len(sensor.axes), num_runs)).at[segment].set(measured))
     return Inputs(begin, errors, jnp.concatenate(z, axis=1))

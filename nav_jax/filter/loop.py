@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from nav_jax.filter.ekf import correction, inject, mechanise, mechanise_with_motion, residual_covariance, update
 from nav_jax.filter.error_model import blocks, full, propagate, transition
-from nav_jax.filter.measurement import Measurements, Sensors, compensated, whitened
+from nav_jax.filter.measurement import Measurements, Sensors, whitened
 from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
 from nav_jax.filter.timeline import Comparison, Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
@@ -53,7 +53,7 @@ def run_estimate(
     predict
         Keep what is predicted of all scalars after each update, for those that are kept from the filter.
     """
-    aiding = Measurements(sensors, timeline.own)
+    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
     constant, variance = aiding.constant(), aiding.variance
     varies = constant is None or timeline.whitening is not None
     moves = aiding.uses_body or bank.depends
@@ -67,7 +67,7 @@ def run_estimate(
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
-        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.gravity)
+        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth)
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
@@ -78,10 +78,10 @@ def run_estimate(
         state, P, status, noise, Phi = carry
         at, z, own = given
         sensed = at.sensed[:, None]
-        body = compensated(sensed + inputs.errors.sample(noise, own), state, bank) if moves else None
-        H = whitened(at.whitening, aiding.derivative(state, body, bank) if constant is None else constant)
+        reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
+        H = whitened(at.whitening, aiding.derivative(state, reading, bank) if constant is None else constant)
         whole, done = update(full(P), H, variance, at.valid)
-        c, innovation = correction(done.gain, whitened(at.whitening, z - aiding.predict(state, body)), H)
+        c, innovation = correction(done.gain, whitened(at.whitening, z - aiding.predict(state, reading)), H)
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
         judgement = judge(state, claim(P, alike, sensed), bank, at.truth, inputs.errors.lasting(noise, own), sensed)
@@ -124,7 +124,7 @@ def reference_gains(
     start
         The reference at the start, one run, with sensor states of zero.
     """
-    aiding = Measurements(sensors, timeline.own)
+    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
     constant, variance = aiding.constant(), aiding.variance
     moves = aiding.uses_body or bank.depends
     alike = alone(bank)
@@ -135,7 +135,7 @@ def reference_gains(
         state, P, Phi = carry
         kind, imu = given
         state, motion = mechanise_with_motion(
-            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.gravity
+            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.earth
         )
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
@@ -145,8 +145,8 @@ def reference_gains(
     def event(carry, at):
         state, P, Phi = carry
         sensed = at.sensed[:, None]
-        body = compensated(sensed, state, bank) if moves else None
-        H = aiding.derivative(state, body, bank) if constant is None else constant
+        reading = bank.compensated(sensed, state.x) if moves else None
+        H = aiding.derivative(state, reading, bank) if constant is None else constant
         whole, done = update(full(P), H, variance, at.valid)
         P = blocks(whole)
         kept = H if constant is None else None
@@ -171,7 +171,7 @@ def run_reference(
     """
     if trace and gains.sd is None:
         raise ValueError("A trace needs what is claimed at every step: gains_of(experiment, filter, trace=True).")
-    aiding = Measurements(sensors, timeline.own)
+    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
     constant, moves = aiding.constant(), aiding.uses_body or bank.depends
 
     def step(carry, given):
@@ -179,7 +179,7 @@ def run_reference(
         kind, imu, own, sd = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
-        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.gravity)
+        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.earth)
         kept = None if sd is None else _estimate(state, bank, sd, imu[0, :, None])
         return (state, status, noise), kept
 
@@ -187,9 +187,9 @@ def run_reference(
         state, status, noise = carry
         at, known, z, own = given
         sensed = at.sensed[:, None]
-        body = compensated(sensed + inputs.errors.sample(noise, own), state, bank) if moves else None
+        reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
         H = known.H if constant is None else constant
-        c, innovation = correction(known.update.gain, z - aiding.predict(state, body), H)
+        c, innovation = correction(known.update.gain, z - aiding.predict(state, reading), H)
         state = inject(state, c)
         status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
         judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own), sensed)

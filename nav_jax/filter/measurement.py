@@ -3,7 +3,8 @@
 Where all sensors are linear their derivative is one constant, over the errors of navigation only. Else it is taken at
 the estimate (or along the reference) at every event, over the whole error state: what a sensor states of it or what
 autodiff finds, along the errors of navigation, of the sensor's own states, and, through the compensated specific force
-and body rate, of the states of the IMU.
+and body rate, of the states of the IMU. Where the Earth turns, the body rate relative to it depends on the attitude,
+by C' (psi x w), which is added to what a sensor makes of the body rate.
 
 Correlated components are decorrelated by the Cholesky factor of their covariance, so that a filter may take them one
 after the other.
@@ -20,10 +21,11 @@ from jaxtyping import Array, Float
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.states import OwnStates
 from nav_jax.filter.ekf import inject
-from nav_jax.filter.layout import JUDGED, NAVIGATION, Block, Layout
+from nav_jax.filter.layout import ATTITUDE, JUDGED, NAVIGATION, Block, Layout
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
-from nav_jax.kinematics.state import BodyMotion, NavState
+from nav_jax.kinematics.rotation import cross, rotate_back
+from nav_jax.kinematics.state import BodyMotion, NavState, body_motion
 
 Sensors = tuple[AbstractAiding, ...]
 
@@ -45,6 +47,8 @@ class Measurements(eqx.Module):
 
     sensors: Sensors
     own: OwnStates
+    earth_rate: Float[Array, "3 1"] | None
+    """In n, rad/s; None where the Earth does not turn."""
 
     @property
     def linear(self) -> bool:
@@ -68,9 +72,17 @@ class Measurements(eqx.Module):
         none = jnp.zeros((0, NAVIGATION.size, 1))
         return jnp.concatenate([none, *(decorrelated(s, _stated(s, NAVIGATION)) for s in self.sensors)])
 
-    def predict(self, state: NavState, body: BodyMotion | None) -> Float[Array, "K R"]:
-        """What is measured without noise; `state` with all sensor states of the filter."""
-        none = jnp.zeros((0, state.p.shape[1]))
+    def predict(self, state: NavState, reading: Float[Array, "ch R"] | None) -> Float[Array, "K R"]:
+        """What is measured without noise.
+
+        Parameters
+        ----------
+        state
+            With all sensor states of the filter.
+        reading
+            Of the IMU, compensated; None if no sensor uses the motion of the body.
+        """
+        none, body = jnp.zeros((0, state.p.shape[1])), self._body(state, reading)
         seen = [decorrelated(s, s.predict(self.seen_by(i, state), body)) for i, s in enumerate(self.sensors)]
         return jnp.concatenate([none, *seen])
 
@@ -78,8 +90,9 @@ class Measurements(eqx.Module):
         """The state as a sensor sees it, with its own states only."""
         return state._replace(x=self.own.values(state.x, sensor))
 
-    def partials(self, state: NavState, body: BodyMotion | None) -> Partials:
-        """Derivatives at a state."""
+    def partials(self, state: NavState, reading: Float[Array, "ch R"] | None) -> Partials:
+        """Derivatives at a state; parameters as of `predict`."""
+        body = self._body(state, reading)
         num_runs, num_own = state.p.shape[1], self.own.readout.shape[0]
         parts = [jnp.zeros((0, NAVIGATION.size + num_own + len(CHANNELS), num_runs))]
         for i, sensor in enumerate(self.sensors):
@@ -92,7 +105,13 @@ class Measurements(eqx.Module):
             parts.append(jnp.concatenate([H[:, : NAVIGATION.size], whole, H[:, layout["force"].start :]], axis=1))
         found = jnp.concatenate(parts)
         n = NAVIGATION.size
-        return Partials(found[:, :n], found[:, n : n + num_own], found[:, n + num_own :])
+        navigation, own, of_body = found[:, :n], found[:, n : n + num_own], found[:, n + num_own :]
+        if body is not None and self.earth_rate is not None:
+            turned = jnp.stack(
+                [rotate_back(state.q, cross(e, self.earth_rate)) for e in jnp.eye(3)[:, :, None]], axis=1
+            )
+            navigation = navigation.at[:, ATTITUDE].add(jnp.einsum("kir,ijr->kjr", of_body[:, 3:], turned))
+        return Partials(navigation, own, of_body)
 
     def over_state(
         self, partials: Partials, bank: SensorBank, reading: Float[Array, "ch _"] | None
@@ -107,10 +126,14 @@ class Measurements(eqx.Module):
         own = jnp.einsum("kar,as->ksr", partials.own, self.own.readout)
         return jnp.concatenate([partials.navigation, imu, own], axis=1)
 
-    def derivative(self, state: NavState, body: BodyMotion | None, bank: SensorBank) -> Float[Array, "K n R"]:
-        """Derivatives at a state, along the error state."""
-        reading = None if body is None else jnp.concatenate(body)
-        return self.over_state(self.partials(state, body), bank, reading)
+    def derivative(
+        self, state: NavState, reading: Float[Array, "ch R"] | None, bank: SensorBank
+    ) -> Float[Array, "K n R"]:
+        """Derivatives at a state, along the error state; parameters as of `predict`."""
+        return self.over_state(self.partials(state, reading), bank, reading)
+
+    def _body(self, state: NavState, reading: Float[Array, "ch R"] | None) -> BodyMotion | None:
+        return None if reading is None else body_motion(reading, state.q, self.earth_rate)
 
 
 def layout_of(sensor: AbstractAiding) -> Layout:
@@ -145,12 +168,6 @@ def decorrelated(sensor: AbstractAiding, x: Float[Array, "K *R"]) -> Float[Array
 def whitened(W: Float[Array, "K K"] | None, x: Float[Array, "K *R"]) -> Float[Array, "K *R"]:
     """Scalars, or derivatives of them, of an event with a noise of its own; W of None leaves them as they are."""
     return x if W is None else jnp.einsum("kl,l...->k...", W, x)
-
-
-def compensated(sensed: Float[Array, "ch #R"], state: NavState, bank: SensorBank) -> BodyMotion:
-    """The motion of the body from what the IMU says and what a filter knows of its errors."""
-    motion = bank.compensated(sensed, state.x)
-    return BodyMotion(motion[:3], motion[3:])
 
 
 def _stated(sensor: AbstractAiding, layout: Layout) -> Float[Array, "K n 1"]:

@@ -36,7 +36,7 @@ class Scenario:
     initial
         Uncertainty of the start, from which the initial errors of runs are drawn; unless given, the start is known.
     earth
-        Gravity, and all else that the mechanisation asks of an Earth; a `FlatEarth` unless given.
+        Its gravity, its rate and its shape; a `FlatEarth` unless given.
     every
         Number of IMU samples in a covariance step; the transition is accumulated over all of them, and the estimate
         itself is always advanced sample by sample. The default is one sample, since that is right at every rate and

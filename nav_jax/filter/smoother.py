@@ -37,7 +37,8 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
     memory = outcome.memory
     if memory is None:
         raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, filter, smooth=True).")
-    constant = None if memory.H is not None else Measurements(sensors, timeline.own).constant()
+    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
+    constant = None if memory.H is not None else aiding.constant()
     state, P = smooth_events(timeline.valid, constant, outcome)
     sensed = timeline.sensed[:, :, None]
     lasting = jax.vmap(bank.errors)(outcome.state.x, sensed) - outcome.judgement.error[:, ON_CHANNELS]

@@ -19,7 +19,7 @@ from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import AbstractErrors
 from nav_jax.imu.imu import Imu
-from nav_jax.kinematics.earth import AbstractEarth, Gravity
+from nav_jax.kinematics.earth import AbstractEarth, EarthInLoops
 from nav_jax.kinematics.state import NavState
 
 
@@ -35,7 +35,7 @@ class Timeline(eqx.Module):
     """At the end of each segment."""
     valid: Float[Array, "M K"]
     """1 where a scalar is measured at the end of a segment."""
-    gravity: Gravity
+    earth: EarthInLoops
     sensed: Float[Array, "M ch"]
     """The perfect sample that begins at the end of each segment, or goes on there."""
     own: OwnStates
@@ -157,7 +157,7 @@ def timeline_of(
         ends=jnp.asarray(schedule.ends),
         truth=truth,
         valid=jnp.asarray(valid),
-        gravity=Gravity(earth),
+        earth=EarthInLoops(earth),
         sensed=jnp.asarray(both[after]),
         own=own_states(sensors, imu.rate),
     )

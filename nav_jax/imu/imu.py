@@ -13,10 +13,9 @@ from jaxtyping import Float, Float64
 from gmwm_jax._internal.checks import increasing, real_array, require_x64, sampling_rate
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors
-from nav_jax.kinematics import rotation
+from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.rotation import SMALL_ROTATION
-from nav_jax.kinematics.strapdown import gamma1_inverse, step
 from nav_jax.trajectory.trajectory import Trajectory
 
 _UNEVEN = 0.01
@@ -123,7 +122,7 @@ def perfect_imu(
         Of the IMU in Hz; that of the trajectory unless given. The trajectory is resampled if its rate is another or its
         steps are uneven.
     earth
-        Gives gravity; standard gravity unless given.
+        Gives gravity and its rate; a `FlatEarth` unless given.
 
     Returns
     -------
@@ -170,24 +169,27 @@ def _solve(
 ) -> tuple[Array, Array, Array, Array]:
     """Body rates and specific forces (3, N), and the positions and velocities (3, N+1) that they lead to."""
     before = q[:, :-1]
-    theta = rotation.quat_to_rotvec(rotation.quat_multiply(rotation.quat_conjugate(before), q[:, 1:]))
-    g_n = earth.gravity_n(p[:, :-1])
+    rate_n = earth.rate_n(p[:, :-1]) if earth.is_turning else None
+    theta = strapdown.rotation_between(before, q[:, 1:], dt, rate_n)
     omega = theta / dt
 
-    def forces(v: Array) -> Array:
-        mean = rotation.rotate_back(before, (v[:, 1:] - v[:, :-1]) / dt - g_n)
-        return gamma1_inverse(theta, mean)
+    def forces(p: Array, v: Array) -> tuple[Array, Array]:
+        """And the gravity that is met."""
+        g_n = earth.gravity_n(p[:, :-1] + dt / 2 * v[:, :-1])
+        return strapdown.force_between(before, theta, v[:, :-1], v[:, 1:], dt, g_n, rate_n), g_n
 
     def moved(v: Array) -> Array:
         """All steps at once: each begins at the attitude of the reference, which the body rates reach exactly."""
-        return step(jnp.zeros_like(g_n), v[:, :-1], before, omega, forces(v), dt, g_n)[0]
+        f, g_n = forces(p, v)
+        return strapdown.step(jnp.zeros_like(g_n), v[:, :-1], before, omega, f, dt, g_n, rate_n)[0]
 
     def correct(_: Any, v: Array) -> Array:
         return v + _at_epochs((p[:, 1:] - p[:, :-1] - moved(v)) / dt)
 
     v = jax.lax.fori_loop(0, _ROUNDS, correct, v)
     position = jnp.cumsum(jnp.concatenate([p[:, :1], moved(v)], axis=1), axis=1)
-    return omega, forces(v), position, v
+    # with the gravity that the mechanisation will meet
+    return omega, forces(position, v)[0], position, v
 
 
 def _at_epochs(mean: Float[Array, "3 steps"]) -> Float[Array, "3 epochs"]:

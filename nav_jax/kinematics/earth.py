@@ -1,8 +1,17 @@
-"""The Earth: gravity for the mechanisation, and WGS-84 coordinates for the readers.
+"""The Earth: what the mechanisation asks of it, and WGS-84 coordinates for the readers.
 
-The mechanisation, the perfect IMU, the truth and the error model ask the Earth of a scenario at every step. `FlatEarth`
-answers with a constant, and says so: what is constant is then taken out of the loops. One more Earth that does not turn
-is one class derived from `AbstractEarth`; one that turns also needs a mechanisation and an error model with its rate.
+The frame n is fixed to the Earth: north, east and down at an origin, and straight axes from there, however far. In it
+position, velocity and attitude of a body with specific force f and body rate omega in b follow
+
+    p' = v,   v' = C f + g(p) - 2 w x v,   C' = C [omega x] - [w x] C
+
+with gravity g, which contains the centrifugal acceleration and whose magnitude and direction go with the position, and
+the rotation vector w of the Earth, which is constant in n (Groves 2013, sec. 5.5). This holds at every distance and on
+every latitude; there is no transport rate. On a curved Earth the axes are level at the origin only.
+
+The mechanisation, the perfect IMU, the truth and the error model ask the Earth of a scenario. `FlatEarth` answers with
+constants, and says so: what is trivial is then not in the loops at all. One more Earth is one class derived from
+`AbstractEarth`.
 """
 
 import abc
@@ -28,14 +37,26 @@ Geodetic = Float64[np.ndarray, "3"]
 
 
 class AbstractEarth(eqx.Module):
-    """What a mechanisation and an error model ask of an Earth that does not turn."""
+    """What mechanisation, error model and aiding sensors ask of an Earth, at a position in n, (3, ...) m."""
 
     is_uniform: eqx.AbstractClassVar[bool]
     """Whether gravity is the same everywhere."""
+    is_turning: eqx.AbstractClassVar[bool]
+    """Whether the rotation vector is not zero."""
+    is_flat: eqx.AbstractClassVar[bool]
+    """Whether the height is minus the third component of a position."""
 
     @abc.abstractmethod
     def gravity_n(self, position: Vector) -> Vector:
-        """Gravity in n at a position, (3, ...) m/s^2."""
+        """Gravity in n, centrifugal acceleration included, (3, ...) m/s^2."""
+
+    @abc.abstractmethod
+    def rate_n(self, position: Vector) -> Vector:
+        """The rotation vector of the Earth, and so of n, in n, (3, ...) rad/s: the same at all positions."""
+
+    @abc.abstractmethod
+    def height(self, position: Vector) -> Float[Array, "..."]:
+        """Height above the surface through the origin of n, (...) m."""
 
 
 class FlatEarth(AbstractEarth):
@@ -58,6 +79,8 @@ class FlatEarth(AbstractEarth):
     """
 
     is_uniform: ClassVar[bool] = True
+    is_turning: ClassVar[bool] = False
+    is_flat: ClassVar[bool] = True
 
     gravity: Scalar
 
@@ -69,27 +92,40 @@ class FlatEarth(AbstractEarth):
         zero = jnp.zeros_like(position[0])
         return jnp.stack([zero, zero, zero + self.gravity])
 
+    def rate_n(self, position: Vector) -> Vector:  # noqa: D102
+        return jnp.zeros_like(position)
+
+    def height(self, position: Vector) -> Float[Array, "..."]:  # noqa: D102
+        return -position[2]
+
     def __repr__(self) -> str:
         gravity = concrete(self.gravity)
         return f"FlatEarth(gravity={'traced' if gravity is None else f'{float(gravity):.9g}'})"
 
 
-class Gravity(eqx.Module):
-    """Gravity of an Earth as loops ask for it: where it is uniform, a constant that is computed before them."""
+class EarthInLoops(eqx.Module):
+    """An Earth as loops ask for it: what is constant is computed before them, and what is trivial is None."""
 
     earth: AbstractEarth
     constant: Float[Array, "3 1"] | None
-    """m/s^2, in n; None where gravity depends on the position."""
+    """Gravity, m/s^2, in n; None where it depends on the position."""
+    rate: Float[Array, "3 1"] | None
+    """Rotation vector, rad/s, in n; None where the Earth does not turn."""
 
     def __init__(self, earth: AbstractEarth) -> None:
-        self.earth, self.constant = earth, earth.gravity_n(jnp.zeros((3, 1))) if earth.is_uniform else None
+        origin = jnp.zeros((3, 1))
+        self.earth = earth
+        self.constant = earth.gravity_n(origin) if earth.is_uniform else None
+        self.rate = earth.rate_n(origin) if earth.is_turning else None
 
-    def at(self, position: Float[Array, "3 R"]) -> Float[Array, "3 #R"]:
-        """In n, at the positions of R runs or once for all of them."""
-        return self.earth.gravity_n(position) if self.constant is None else self.constant
+    def gravity(
+        self, position: Float[Array, "3 R"], velocity: Float[Array, "3 R"], dt: Float[Array, ""]
+    ) -> Float[Array, "3 #R"]:
+        """In n, in the middle of a step that begins there; of R runs, or one for all of them."""
+        return self.earth.gravity_n(position + dt / 2 * velocity) if self.constant is None else self.constant
 
     def gradient(self, position: Float[Array, "3 R"]) -> Float[Array, "3 3 R"] | None:
-        """Derivative by the position, component first, in 1/s^2; None where gravity is uniform."""
+        """Derivative of gravity by the position, component first, in 1/s^2; None where gravity is uniform."""
         if self.constant is not None:
             return None
         along = [jnp.zeros_like(position).at[i].set(1.0) for i in range(3)]

@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
+from nav_jax.kinematics.rotation import rotate_back
+
 
 class NavState(NamedTuple):
     """Position, velocity and attitude of R runs, and states of sensors."""
@@ -19,9 +21,20 @@ class NavState(NamedTuple):
 
 
 class BodyMotion(NamedTuple):
-    """What the inertial sensors say at an epoch, compensated for the errors that are known of them."""
+    """How the body moves over the Earth at an epoch, as far as one knows."""
 
     force: Float[Array, "3 R"]
     """Specific force in b, m/s^2."""
     rate: Float[Array, "3 R"]
-    """Body rate in b, rad/s."""
+    """Body rate relative to n, in b, rad/s."""
+
+
+def body_motion(
+    reading: Float[Array, "ch R"], q: Float[Array, "4 R"], rate_n: Float[Array, "3 1"] | None
+) -> BodyMotion:
+    """What an IMU reads, as the motion over an Earth that turns at this rate, or does not turn (None).
+
+    The rate of the Earth is in the readings of gyros, and moves no lever arm.
+    """
+    rate = reading[3:] if rate_n is None else reading[3:] - rotate_back(q, rate_n)
+    return BodyMotion(reading[:3], rate)

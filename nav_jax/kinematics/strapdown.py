@@ -1,4 +1,4 @@
-"""The strapdown mechanisation: one step, exact for constant body rate and specific force, and its scan over a record.
+"""The strapdown mechanisation: one step with its inverse, and its scan over a record.
 
 Over a step of dt with th = omega dt, body rate omega and specific force f constant in the body frame:
 
@@ -8,6 +8,15 @@ Over a step of dt with th = omega dt, body rate omega and specific force f const
 
 with a = (1 - cos|th|)/|th|^2, b = (|th| - sin|th|)/|th|^3, c = (1/2 - a)/|th|^2, as series in |th|^2: no branch, no
 trigonometric function, exact to 1e-14 up to 1.5 rad a step. Solà (2017), appendix B; Forster et al. (2017), eq. 31.
+
+Where the Earth turns, so does n, by r = w dt in a step. Half of it turns the attitude before it leads the specific
+force to n, half after, and the Coriolis acceleration is that of the middle of the step: with D = exp(-[r x]/2) C and
+the acceleration e = D Gamma1 f + g - 2 w x v at its beginning,
+
+    q' = exp(-r) q exp(th),   v' = v + (e - r x e) dt,   p' = p + v dt + (D Gamma2 f + g/2 - w x v) dt^2
+
+This is of second order in dt, as gravity is that is asked in the middle of a step. `rotation_between` and
+`force_between` undo it exactly.
 """
 
 import jax
@@ -24,8 +33,11 @@ from nav_jax.kinematics.rotation import (
     dot,
     horner,
     matvec,
+    quat_conjugate,
     quat_from_small_rotvec,
     quat_multiply,
+    quat_to_rotvec,
+    rotate_back,
 )
 
 _A, _B, _C = alternating(2, 9), alternating(3, 8), alternating(4, 8)
@@ -59,7 +71,14 @@ def gamma2(rotvec: Vector, x: Vector) -> Vector:
 
 
 def step(
-    p: Vector, v: Vector, q: Quaternion, omega: Vector, f: Vector, dt: Float[Array, "..."] | float, g_n: Vector
+    p: Vector,
+    v: Vector,
+    q: Quaternion,
+    omega: Vector,
+    f: Vector,
+    dt: Float[Array, "..."] | float,
+    g_n: Vector,
+    rate_n: Vector | None = None,
 ) -> tuple[Vector, Vector, Quaternion]:
     """Advance position, velocity and attitude by one IMU sample.
 
@@ -74,7 +93,9 @@ def step(
     dt
         Step in s, a scalar or (1, ...); ``|omega| dt`` at most 1.5 rad.
     g_n
-        Gravity in n at the beginning of the step (m/s^2), (3, ...) or one for all (3,).
+        Gravity in n in the middle of the step (m/s^2), (3, ...) or one for all (3,).
+    rate_n
+        Rotation vector of the Earth in n (rad/s), (3, ...); None where it does not turn.
 
     Returns
     -------
@@ -82,13 +103,58 @@ def step(
     """
     theta = omega * dt
     g_n = g_n.reshape(g_n.shape + (1,) * (v.ndim - g_n.ndim))
+    if rate_n is not None:
+        q = _turned(q, rate_n, dt)
     c = dcm_from_quat(q)
-    velocity = v + (matvec(c, gamma1(theta, f)) + g_n) * dt
-    position = p + v * dt + (matvec(c, gamma2(theta, f)) + 0.5 * g_n) * (dt * dt)
+    mean, twice = matvec(c, gamma1(theta, f)) + g_n, matvec(c, gamma2(theta, f)) + 0.5 * g_n
+    if rate_n is not None:
+        coriolis = cross(rate_n, v)
+        mean, twice = mean - 2.0 * coriolis, twice - coriolis
+        mean = mean - dt * cross(rate_n, mean)
+    velocity = v + mean * dt
+    position = p + v * dt + twice * (dt * dt)
     turned = quat_multiply(q, quat_from_small_rotvec(theta))
+    if rate_n is not None:
+        turned = _turned(turned, rate_n, dt)
     # one Newton step towards unit length, which rounding would leave as a random walk
     scale = 1.5 - 0.5 * (turned[0] * turned[0] + dot(turned[1:], turned[1:]))
     return position, velocity, turned * scale[None]
+
+
+def rotation_between(
+    q: Quaternion, after: Quaternion, dt: Float[Array, "..."] | float, rate_n: Vector | None = None
+) -> Vector:
+    """The rotation vector of the body in a `step` of dt from one attitude to another: its body rate times dt."""
+    if rate_n is not None:
+        after = quat_multiply(quat_from_small_rotvec(dt * rate_n), after)
+    return quat_to_rotvec(quat_multiply(quat_conjugate(q), after))
+
+
+def force_between(
+    q: Quaternion,
+    rotvec: Vector,
+    v: Vector,
+    after: Vector,
+    dt: Float[Array, "..."] | float,
+    g_n: Vector,
+    rate_n: Vector | None = None,
+) -> Vector:
+    """The specific force in b that leads from one velocity to another in a `step` of dt that turns the body by rotvec.
+
+    Gravity and rate are those of the step, all of shape (3, ...).
+    """
+    mean = (after - v) / dt
+    if rate_n is not None:
+        # (1 - [r x])^-1 = (1 + [r x] + r r') / (1 + r'r)
+        r = dt * rate_n
+        mean = (mean + cross(r, mean) + dot(r, mean)[None] * r) / (1.0 + dot(r, r)[None]) + 2.0 * cross(rate_n, v)
+        q = _turned(q, rate_n, dt)
+    return gamma1_inverse(rotvec, rotate_back(q, mean - g_n))
+
+
+def _turned(q: Quaternion, rate_n: Vector, dt: Float[Array, "..."] | float) -> Quaternion:
+    """An attitude after half a step in which n turns and the body does not."""
+    return quat_multiply(quat_from_small_rotvec(-0.5 * dt * rate_n), q)
 
 
 @jax.jit
@@ -112,7 +178,7 @@ def integrate(
     dt
         Length of each step in s.
     earth
-        Gives gravity.
+        Gives gravity and its rate.
 
     Returns
     -------
@@ -122,7 +188,8 @@ def integrate(
     def advance(state, sample):
         rate, force, length = sample
         p, v, q = state
-        state = step(p, v, q, rate, force, length, earth.gravity_n(p))
+        turning = earth.rate_n(p) if earth.is_turning else None
+        state = step(p, v, q, rate, force, length, earth.gravity_n(p + length / 2 * v), turning)
         return state, state
 
     _, rest = jax.lax.scan(advance, (p, v, q), (omega, f, dt))

@@ -40,7 +40,7 @@ from nav_jax.imu.channels import CHANNELS, NO_CHANNEL, SensorState
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import markov_form
 from nav_jax.kinematics.linalg import symmetrise, transpose
-from nav_jax.kinematics.state import BodyMotion, NavState
+from nav_jax.kinematics.state import NavState
 
 
 class Lincov(NamedTuple):
@@ -77,7 +77,7 @@ def motion_of(experiment: Experiment) -> Motion:
     def step(state, given):
         kind, imu = given
         dt, ends = timeline.dt[kind], timeline.ends[kind]
-        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.gravity, with_reading=True)
+        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.earth, with_reading=True)
 
     def segment(state, given):
         return jax.lax.scan(step, state, given)
@@ -240,7 +240,7 @@ def covariances_of_many(
     noises, ours = _repeated(noises, lanes), jax.vmap(lambda bank: joined(bank, timeline.own))(ours)
     joint = jax.vmap(_joint)(_repeated(ours, lanes), noises)
     aiding, elapsed = noises.aiding, noises.aiding.elapsed[0]  # all lanes have the same fixes
-    sensors = Measurements(experiment.sensors, timeline.own)
+    sensors = Measurements(experiment.sensors, timeline.own, timeline.earth.rate)
     constant, variance = sensors.constant(), sensors.variance
     partials = None if sensors.linear else _along(experiment, sensors)
     motion = motion if joint.depends else motion._replace(reading=None)
@@ -292,7 +292,7 @@ def _along(experiment: Experiment, sensors: Measurements) -> Partials:
     nothing = jnp.zeros((timeline.own.size, 1))
 
     def at(truth: Truth, sensed: Array) -> Partials:
-        return sensors.partials(NavState(*truth, nothing), BodyMotion(sensed[:3, None], sensed[3:, None]))
+        return sensors.partials(NavState(*truth, nothing), sensed[:, None])
 
     return jax.vmap(at)(timeline.truth, timeline.sensed)
 

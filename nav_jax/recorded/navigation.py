@@ -194,10 +194,10 @@ def prepare_navigation(
         raise ValueError(
             f"The errors belong to {filter.rate:g} Hz and the record to {imu.rate:g} Hz: use at_rate({imu.rate:g})."
         )
-    sensors = tuple(f.sensor for f in aiding)
-    require_names([s.name for s in sensors])
     earth = FlatEarth() if earth is None else earth
     of_kind("earth", earth, AbstractEarth)
+    sensors = tuple(f.sensor.on(earth) for f in aiding)
+    require_names([s.name for s in sensors])
     bound_programs()
     epochs = imu.epochs
     times = output_times(float(epochs[0]), float(epochs[-1]), output_interval, "record")
@@ -312,7 +312,7 @@ def navigate(
     output_interval
         s between epochs at which there is an estimate whatever the covariance steps and fixes are.
     earth
-        Gravity; a `FlatEarth` unless given.
+        Its gravity, its rate and its shape; a `FlatEarth` unless given.
     smooth
         Give the estimate of the fixed-interval smoother, from all fixes of the record, at every output and fix.
     reference

@@ -17,7 +17,7 @@ from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.measurement import Measurements
 from nav_jax.filter.timeline import Inputs
 from nav_jax.imu.emulation import AtEnd, GivenErrors, write_out
-from nav_jax.kinematics.state import BodyMotion, NavState
+from nav_jax.kinematics.state import NavState
 
 GRAVITY = 9.8056
 RATE = 100.0
@@ -129,8 +129,7 @@ def quiet_inputs(experiment, num_states=0, num_runs=1):
     timeline = experiment.timeline
     M, G, n, _ = timeline.imu.shape
     truth = NavState(*(a[:, :, 0].T for a in timeline.truth), jnp.zeros((timeline.own.size, M)))
-    body = BodyMotion(timeline.sensed[:, :3].T, timeline.sensed[:, 3:].T)
-    z = Measurements(experiment.sensors, timeline.own).predict(truth, body).T
+    z = Measurements(experiment.sensors, timeline.own, timeline.earth.rate).predict(truth, timeline.sensed.T).T
     start = experiment.start
     start = type(start)(*(jnp.tile(a, (1, num_runs)) for a in start[:3]), jnp.zeros((num_states, num_runs)))
     return Inputs(

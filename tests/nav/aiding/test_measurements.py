@@ -20,9 +20,9 @@ from nav_jax.aiding.registry import AIDING
 from nav_jax.aiding.states import joined, own_states
 from nav_jax.filter.ekf import correction, inject, update
 from nav_jax.filter.layout import NAVIGATION
-from nav_jax.filter.measurement import Measurements, compensated, decorrelated, derived, layout_of
+from nav_jax.filter.measurement import Measurements, decorrelated, derived, layout_of
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.kinematics.state import BodyMotion, NavState
+from nav_jax.kinematics.state import BodyMotion, NavState, body_motion
 
 
 @dataclass(frozen=True)
@@ -181,14 +181,17 @@ def test_correlated_noise_is_decorrelated():
     np.testing.assert_allclose(decorrelated(sensor, jnp.asarray(x)), expected, rtol=1e-10)
 
 
-def test_one_update_with_a_whole_covariance_is_the_joint_one():
+@pytest.mark.parametrize("turning", [None, (0.5, -0.3, 0.8)])
+def test_one_update_with_a_whole_covariance_is_the_joint_one(turning):
     """GNSS with correlated components on an arm, and a wheel with a scale: the textbook's update, 1e-7 of an sd.
 
-    Its H are central differences of h along the whole error state, the states of the IMU included.
+    Its H are central differences of h along the whole error state, the states of the IMU included. Where the Earth
+    turns, as fast as the body here, its rate in b is no part of the wheel's motion.
     """
+    rate_n = None if turning is None else jnp.asarray(turning)[:, None]
     sensors = (GnssPosition(covariance=COVARIANCE, **ON_ARM), Odometer(**WHEEL, **ON_ARM, scale_sd=0.02))
     errors = ImuErrors(WN(1e-4) + GM(0.01, 1e-4), WN(1e-6) + GM(0.02, 1e-6), 100.0)
-    aiding = Measurements(sensors, own_states(sensors, 100.0))
+    aiding = Measurements(sensors, own_states(sensors, 100.0), rate_n)
     bank = joined(errors.bank(), aiding.own)
     n = 9 + len(bank.states)
     rng = np.random.default_rng(5)
@@ -201,7 +204,7 @@ def test_one_update_with_a_whole_covariance_is_the_joint_one():
     @jax.jit
     def measured(c):
         moved = inject(state, c[:, None])
-        body = compensated(sensed, moved, bank)
+        body = body_motion(bank.compensated(sensed, moved.x), moved.q, rate_n)
         return jnp.concatenate([s.predict(aiding.seen_by(i, moved), body)[:, 0] for i, s in enumerate(sensors)])
 
     def h(c):
@@ -218,11 +221,11 @@ def test_one_update_with_a_whole_covariance_is_the_joint_one():
 
     @jax.jit
     def updated(P, z):
-        body = compensated(sensed, state, bank)
-        ours = aiding.derivative(state, body, bank)
+        reading = bank.compensated(sensed, state.x)
+        ours = aiding.derivative(state, reading, bank)
         after, done = update(P[:, :, None], ours, aiding.variance, jnp.ones(6))
         white = jnp.concatenate([decorrelated(sensors[0], z[:3, None]), z[3:, None]])
-        c, innovation = correction(done.gain, white - aiding.predict(state, body), ours)
+        c, innovation = correction(done.gain, white - aiding.predict(state, reading), ours)
         return c[:, 0], after[:, :, 0], innovation[:, 0], done.variance[:, 0]
 
     z = h(np.zeros(n)) + nu

@@ -14,12 +14,12 @@ import nav_jax as nj
 from nav_jax.filter.ekf import mechanise, mechanise_with_motion
 from nav_jax.filter.error_model import blocks, full, propagate
 from nav_jax.imu.bank import alone, step_noise
-from nav_jax.kinematics.earth import Gravity
+from nav_jax.kinematics.earth import EarthInLoops
 from nav_jax.kinematics.rotation import quat_conjugate, quat_from_rotvec, quat_multiply, quat_to_rotvec
 from nav_jax.kinematics.state import NavState
 
 DT = 0.01
-GRAVITY = Gravity(nj.FlatEarth(setups.GRAVITY))
+EARTH = EarthInLoops(nj.FlatEarth(setups.GRAVITY))
 ERRORS = nj.ImuErrors(
     gj.WN(6e-5) + gj.AR1(0.99, 1e-9),
     [gj.WN(1.5e-6) + gj.AR1(0.98, 1e-9), gj.WN(1.5e-6), gj.WN(1.5e-6) + gj.RW(1e-9)],
@@ -67,10 +67,10 @@ def step_of(n):
 def one_sample(imu, start):
     """The state after a sample, and the derivative of its errors with respect to those at the start."""
     dt, ends = jnp.full(1, DT), jnp.ones(1)
-    end = mechanise(start, imu, dt, ends, BANK, GRAVITY)
+    end = mechanise(start, imu, dt, ends, BANK, EARTH)
 
     def after(delta):
-        return difference(mechanise(perturbed(start, delta), imu, dt, ends, BANK, GRAVITY), end)
+        return difference(mechanise(perturbed(start, delta), imu, dt, ends, BANK, EARTH), end)
 
     return end, jax.jacfwd(after)(jnp.zeros(N))
 
@@ -86,7 +86,7 @@ def true_transition(imu, start):
 
 @jax.jit
 def propagated(P, imu, start):
-    _, along = mechanise_with_motion(start, imu, jnp.full(len(imu), DT), jnp.ones(len(imu)), BANK, GRAVITY)
+    _, along = mechanise_with_motion(start, imu, jnp.full(len(imu), DT), jnp.ones(len(imu)), BANK, EARTH)
     along = jax.tree.map(lambda a: jnp.broadcast_to(a, (*a.shape[:-1], P.shape[-1])), along)
     return full(propagate(blocks(P), along, step_of(len(imu))))
 
@@ -214,7 +214,7 @@ def test_step_is_that_of_van_loan_in_r(shared):
         *(jnp.asarray(a)[:, None] for a in (x[:3], x[3:6], C.as_quat(scalar_first=True), x[9:][to_ours - 9]))
     )
     dt, one = jnp.full(1, DT), jnp.ones(1)
-    end, along = mechanise_with_motion(start, jnp.asarray(imu)[None, :, None], dt, one, bank, GRAVITY)
+    end, along = mechanise_with_motion(start, jnp.asarray(imu)[None, :, None], dt, one, bank, EARTH)
     n = len(pick)
     P = np.zeros((n, n, n + 1))
     P[np.arange(n), np.arange(n), np.arange(n)] = 1.0
