@@ -107,9 +107,8 @@ class Measurements(eqx.Module):
         n = NAVIGATION.size
         navigation, own, of_body = found[:, :n], found[:, n : n + num_own], found[:, n + num_own :]
         if body is not None and self.earth_rate is not None:
-            turned = jnp.stack(
-                [rotate_back(state.q, cross(e, self.earth_rate)) for e in jnp.eye(3)[:, :, None]], axis=1
-            )
+            axes = jnp.eye(3)[:, :, None]
+            turned = jnp.stack([rotate_back(state.q, cross(psi, self.earth_rate)) for psi in axes], axis=1)
             navigation = navigation.at[:, ATTITUDE].add(jnp.einsum("kir,ijr->kjr", of_body[:, 3:], turned))
         return Partials(navigation, own, of_body)
 

@@ -1,31 +1,25 @@
-"""An Earth that only the tests know: the perfect IMU, the filter, its error model and the covariances all ask it."""
-
-from typing import ClassVar
+"""Earths that only the tests know: the perfect IMU, the filter, its error model and the covariances all ask them."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from nav import setups
+from nav.planets import Disguised, Pillar, SmallPlanet
+from scipy.spatial.transform import Rotation
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.filter.ekf import inject, mechanise_with_motion
+from nav_jax.filter.error_model import transition
+from nav_jax.imu.bank import alone, step_noise
+from nav_jax.kinematics.earth import EarthInLoops
+from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
+from nav_jax.kinematics.state import NavState
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
 RATE = 20.0
-
-
-class SmallPlanet(nj.kinematics.AbstractEarth):
-    """Of 2 km radius: gravity falls by a thousandth with each metre of height, as an inverse square."""
-
-    is_uniform: ClassVar[bool] = False
-
-    def gravity_n(self, position):
-        zero = jnp.zeros_like(position[0])
-        return jnp.stack([zero, zero, 9.8 * (2000.0 / (2000.0 - position[2])) ** 2])
-
-
 WHITE = nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-6), RATE)
 
 
@@ -34,7 +28,7 @@ WHITE = nj.ImuErrors(gj.WN(1e-4), gj.WN(1e-6), RATE)
 def test_without_noise_the_reference_comes_back(gains, every):
     """30 s of climbing: 1e-6 m is asked for; on an Earth with the same gravity everywhere it would be metres off."""
     reference = nj.motions.climb(30.0, RATE)
-    scenario = nj.Scenario(reference, setups.aiding()[2:], earth=SmallPlanet(), every=every)
+    scenario = nj.Scenario(reference, setups.aiding()[2:], earth=Pillar(), every=every)
     assert np.ptp(reference.position[:, 2]) > 5.0
     e = nj.filter.prepare(scenario, rate=RATE)
     shared = nj.filter.gains_of(e, WHITE) if gains == "reference" else None
@@ -42,13 +36,119 @@ def test_without_noise_the_reference_comes_back(gains, every):
     assert np.abs(np.asarray(error)[:, :3]).max() < 1e-6
     np.testing.assert_allclose(e.timeline.truth.p[:, :, 0], reference.position[20::20], rtol=0, atol=1e-5)
     # the same samples on a flat Earth
-    imu, truth = nj.perfect_imu(reference, RATE, SmallPlanet())
+    imu, truth = nj.perfect_imu(reference, RATE, Pillar())
     start = {"position": truth.position[0], "velocity": truth.velocity[0], "quaternion": truth.quaternion[0]}
     free = {"initial": nj.InitialUncertainty(), "every": every, **start}
-    there = nj.navigate(imu, (), WHITE, earth=SmallPlanet(), **free).trajectory.position[-1]
+    there = nj.navigate(imu, (), WHITE, earth=Pillar(), **free).trajectory.position[-1]
     flat = nj.navigate(imu, (), WHITE, earth=nj.FlatEarth(9.8), **free).trajectory.position[-1]
     assert np.abs(there - truth.position[-1]).max() < 1e-6
     assert np.abs(flat - truth.position[-1]).max() > 1.0
+
+
+def everything():
+    """Antennas and a wheel on arms, and a barometer."""
+    antenna = nj.GnssVelocity(1.0, horizontal=0.02, vertical=0.02, lever_arm=(3.0, 1.0, -2.0))
+    return (*setups.on_arms(), antenna, nj.Barometer(1.0, height=0.1))
+
+
+def test_without_noise_the_reference_comes_back_on_a_planet_that_turns():
+    """Through 30 s, sensors on arms and a barometer; with the rate of the planet in the arms 0.1 m/s would be off."""
+    reference = nj.motions.lemniscate(30.0, RATE)
+    e = nj.filter.prepare(nj.Scenario(reference, everything(), earth=SmallPlanet(), every=10), rate=RATE)
+    outcome = nj.filter.run_filter(e, WHITE, setups.quiet_inputs(e, num_states=1))
+    error = np.asarray(outcome.judgement.error)
+    assert np.abs(error[:, :3]).max() < 1e-7
+    assert np.abs(error[:, 3:6]).max() < 1e-8
+    assert np.abs(error[:, 6:9]).max() < 1e-9
+    assert np.abs(outcome.innovation).max() < 1e-6
+    np.testing.assert_allclose(e.timeline.truth.p[:, :, 0], reference.position[10::10], rtol=0, atol=1e-5)
+
+
+def test_a_fix_is_of_the_motion_over_the_planet():
+    """What an antenna, a wheel and a barometer read at rest: no velocity, and the height above a curved surface."""
+    p = np.broadcast_to([600.0, -800.0, -40.0], (41, 3))
+    rest = nj.Trajectory.from_quaternion(np.arange(41) / RATE, p, np.broadcast_to([1.0, 0.0, 0.0, 0.0], (41, 4)))
+    e = nj.filter.prepare(nj.Scenario(rest, everything(), earth=SmallPlanet()), rate=RATE)
+    inputs = nj.filter.draw_inputs(e, WHITE, nj.filter.run_keys(jax.random.key(0), 0, 400))
+    # scalars: position, wheel, velocity, height; the noise of GNSS position is 0.05 and 0.1 m
+    z = np.asarray(inputs.z)[-1].mean(axis=-1)
+    height = np.linalg.norm(p[0] - [0.0, 0.0, SmallPlanet.radius]) - SmallPlanet.radius
+    expected = [*(p[0] + setups.ARM), *np.zeros(6), height]
+    sd = np.array([0.05, 0.05, 0.1, 0.03, 0.05, 0.05, 0.02, 0.02, 0.02, 0.1]) / 20
+    assert np.abs((z - expected) / sd).max() < 4.5
+    assert height > 200  # and -p_D is 40 m
+
+
+def test_a_flat_earth_in_disguise_is_a_flat_earth():
+    """All that is asked of an Earth, against what a flat one leaves out of the loops: to 1e-9 of the errors."""
+    found = []
+    for earth in (nj.FlatEarth(9.8), Disguised(nj.FlatEarth(9.8))):
+        start = nj.InitialUncertainty(0.5, 0.05, 1e-3)
+        e = nj.filter.prepare(
+            nj.Scenario(nj.motions.lemniscate(10.0, RATE), everything(), start, earth, every=5), rate=RATE
+        )
+        inputs = nj.filter.draw_inputs(e, WHITE, nj.filter.run_keys(jax.random.key(1), 0, 3))
+        judged = nj.filter.run_filter(e, WHITE, inputs, smooth=True).judgement
+        found.append([np.asarray(a) for a in (inputs.z, judged.error, judged.sd)])
+    for known, asked in zip(*found, strict=True):
+        np.testing.assert_allclose(asked, known, rtol=1e-8, atol=1e-9)
+
+
+def test_what_a_flat_earth_leaves_out():
+    """No rate, no gradient, no sums of gravity, and barometers of a constant derivative."""
+    flat, turning = EarthInLoops(nj.FlatEarth()), EarthInLoops(SmallPlanet())
+    position = jnp.ones((3, 2))
+    assert flat.rate is None
+    assert flat.gradient(position) is None
+    assert flat.gravity(position, position, jnp.ones(())).shape == (3, 1)
+    np.testing.assert_array_equal(nj.FlatEarth().rate_n(position), 0.0)
+    np.testing.assert_allclose(turning.rate[:, 0], SmallPlanet.rate)
+    barometer = nj.Barometer(height=0.5)
+    assert barometer.on(nj.FlatEarth()).linear
+    assert not barometer.on(SmallPlanet()).linear
+    assert barometer.on(SmallPlanet()).on(nj.FlatEarth()).linear
+
+
+def test_the_gradient_is_the_derivative_of_gravity():
+    p = np.array([[30.0, 300.0], [-500.0, 20.0], [-15.0, 80.0]])
+    steps = 1e-3 * np.eye(3)[:, :, None]
+    g = SmallPlanet().gravity_n
+    expected = np.stack([np.asarray(g(jnp.asarray(p + e)) - g(jnp.asarray(p - e))) / 2e-3 for e in steps], axis=1)
+    np.testing.assert_allclose(EarthInLoops(SmallPlanet()).gradient(jnp.asarray(p)), expected, rtol=0, atol=1e-9)
+
+
+EARTH, BANK = EarthInLoops(SmallPlanet()), WHITE.bank()
+
+
+@jax.jit
+def stated_and_derived(sample, dt):
+    """Transition of navigation errors over 8 samples: of the error model, and of the mechanisation by autodiff."""
+    q = Rotation.from_euler("ZYX", [0.7, 0.2, -0.4]).as_quat(scalar_first=True)
+    given = ([30.0, -20.0, -15.0], [80.0, -30.0, 10.0], q, [])
+    start = NavState(*(jnp.asarray(a)[:, None] for a in given))
+    imu, steps, ends = jnp.broadcast_to(sample[:, None], (8, 6, 1)), jnp.full(8, dt), jnp.ones(8)
+    there, along = mechanise_with_motion(start, imu, steps, ends, BANK, EARTH)
+    stated = transition(jnp.eye(9)[:, :, None], along, step_noise(alone(BANK), steps, ends))[:, :, 0]
+
+    def after(c):
+        found, _ = mechanise_with_motion(inject(start, c[:, None]), imu, steps, ends, BANK, EARTH)
+        psi = quat_to_rotvec(quat_multiply(found.q, quat_conjugate(there.q)))
+        return jnp.concatenate([found.p - there.p, found.v - there.v, psi])[:, 0]
+
+    return stated, jax.jacfwd(after)(jnp.zeros(9))
+
+
+def test_the_transition_is_of_second_order():
+    """Each block of the error model's transition is off by T^3 or less: an eighth at half the step, 15 % allowed."""
+    sample = jnp.asarray([3.0, -2.0, -11.0, 0.4, -0.6, 0.8])
+    off = []
+    for T in (0.4, 0.2):
+        stated, derived = (np.asarray(a) for a in stated_and_derived(sample, jnp.asarray(T / 8)))
+        off.append(np.abs(stated - derived).reshape(3, 3, 3, 3).max(axis=(1, 3)))
+    assert (off[1] <= 1.15 / 8 * off[0] + 1e-12).all()
+    # the terms of second order themselves are a hundred times as large: of the Coriolis acceleration and the rate
+    assert off[1][1, 1] < 0.01 * 2 * (0.03 * 0.2) ** 2
+    assert off[1][2, 2] < 0.01 * (0.03 * 0.2) ** 2 / 2
 
 
 @pytest.mark.parametrize("every", [1, 10])
@@ -59,7 +159,7 @@ def test_runs_have_the_errors_that_the_covariances_say(every):
     error model the vertical would be tens of standard errors off.
     """
     start = nj.InitialUncertainty(0.5, 0.05, 1e-4)
-    scenario = nj.Scenario(nj.motions.climb(20.0, RATE), (), start, SmallPlanet(), every=every, output_interval=5.0)
+    scenario = nj.Scenario(nj.motions.climb(20.0, RATE), (), start, Pillar(), every=every, output_interval=5.0)
     c = nj.analyse(scenario, WHITE)["filter"]
     np.testing.assert_allclose(c.nees("navigation"), 9.0, rtol=1e-6)
     runs = nj.monte_carlo(scenario, WHITE, num_runs=400, key=jax.random.key(3))
@@ -71,3 +171,19 @@ def test_runs_have_the_errors_that_the_covariances_say(every):
     flat = nj.analyse(nj.Scenario(scenario.reference, (), start, every=every, output_interval=5.0), WHITE)["filter"]
     off = (squares.mean(axis=0) - flat.sd[:, :9] ** 2) / (squares.std(axis=0, ddof=1) / np.sqrt(400))
     assert off[-1, 2] > 10
+
+
+@pytest.mark.parametrize(("aiding", "every"), [((), 1), (everything(), 10)], ids=["free", "aided"])
+def test_runs_on_a_planet_that_turns_have_the_errors_that_the_covariances_say(aiding, every):
+    """400 runs: RMS of every component, and the NEES, within 4.5 standard errors of their scatter."""
+    start = nj.InitialUncertainty(0.5, 0.05, 1e-3)
+    reference = nj.motions.lemniscate(20.0, RATE)
+    scenario = nj.Scenario(reference, aiding, start, SmallPlanet(), every=every, output_interval=5.0)
+    c = nj.analyse(scenario, WHITE)["filter"]
+    np.testing.assert_allclose(c.nees("navigation"), 9.0, rtol=1e-6)
+    runs = nj.monte_carlo(scenario, WHITE, num_runs=400, key=jax.random.key(4))
+    squares = runs.error[:, :, :9] ** 2
+    z = (squares.mean(axis=0) - c.sd[:, :9] ** 2) / (squares.std(axis=0, ddof=1) / np.sqrt(400))
+    assert np.abs(z).max() < 4.5
+    nees = runs.nees["navigation"]
+    assert np.abs((nees.mean(axis=0) - 9) / (nees.std(axis=0, ddof=1) / np.sqrt(400))).max() < 4.5
