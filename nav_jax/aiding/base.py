@@ -87,9 +87,10 @@ class AbstractAiding(eqx.Module):
     def uses_body(self) -> bool:
         """Does h depend on the motion of the body?
 
-        That is what the IMU says at the fix without the errors that the filter estimates: white noise of it is still in
-        there, and in no variance that a filter or a covariance analysis states. On an arm it is sigma_w times the arm,
-        sigma_w being that of a gyro sample: to be seen only where that is not small against the sensor's own noise.
+        That is what the IMU says at the fix without the errors that the filter estimates, and without the rate of the
+        Earth: white noise of it is still in there, and in no variance that a filter or a covariance analysis states. On
+        an arm it is sigma_w times the arm, sigma_w being that of a gyro sample: to be seen only where that is not small
+        against the sensor's own noise.
         """
         return False
 

@@ -88,7 +88,7 @@ def run_estimate(
         memory = None if Phi is None else Memory(full(P), done.gain, Phi, _over_all(H, len(whole)) if varies else None)
         left = None
         if predict:  # the derivative is that of the update: what it has moved is of second order
-            residual = whitened(at.whitening, z - aiding.predict(state, body))
+            residual = whitened(at.whitening, z - aiding.predict(state, reading))
             left = Comparison(residual, residual_covariance(whole, H, variance))
         return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory, left)
 
