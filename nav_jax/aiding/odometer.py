@@ -20,8 +20,8 @@ from nav_jax.kinematics.rotation import cross, rotate_back
 class Odometer(AbstractAiding):
     """Speed of a wheel along the front axis of b, (1 + s) times the true one; to the sides it does not slip.
 
-    The velocity of the wheel in b is C' v + rate x lever arm, with the rate relative to the Earth. What is emulated of the
-    sideways components are those of the reference, with noise: the reference is taken to be what the vehicle does.
+    The velocity of the wheel in b is C' v + rate x lever arm, with the rate relative to the Earth. What is emulated of
+    the sideways components are those of the reference, with noise: the reference is taken to be what the vehicle does.
 
     The rate is what the gyros say without the errors that the filter estimates. Their white noise, of sigma_w a sample,
     is left in it and moves the wheel by sigma_w times the arm, which no filter's variance counts: 1 mm/s for 1 m and
