@@ -118,7 +118,7 @@ def fit(
     100,000, a quarter of its standard error. Two-step weights do not depend on the scatter.
 
     Deterministic: nothing depends on chance unless a key is given. The method is in `gmwm_jax.fitting.search`. The same
-    model on the same number of scales and channels compiles once.
+    model compiles once for records of any length, up to eight channels; once more for each larger number of channels.
 
     Examples
     --------
@@ -207,7 +207,7 @@ def fit_channels(
     level: float,
     weights: AbstractWeights,
 ) -> list[Fit]:
-    """Fit channels on the same scales, each with its Omega, in one compiled call.
+    """Fit channels on the same scales, each with its Omega.
 
     Raises
     ------
@@ -223,23 +223,21 @@ def fit_channels(
 
     problem = Problem.of(model, float(channels[0].scales[-1]))
     placements, nodes = problem.starting_points(key)
-    minimise_channels = _compiled_quickly if len(channels) <= _FEW_CHANNELS else _compiled_well
-    solutions = minimise_channels(
-        problem.layout,
-        placements,
-        nodes,
-        whitened / unit[:, None],
-        whiteners / unit[:, None, None],
-        channels[0].scales,
-        problem.bounds,
-        problem.shapes,
-        problem.held,
-    )
-    solutions = jax.tree.map(np.asarray, solutions)
+    whitened, whiteners, scales = _padded(whitened / unit[:, None], whiteners / unit[:, None, None], channels[0].scales)
+    rest = scales, problem.bounds, problem.shapes, problem.held
+    if len(channels) <= _FEW_CHANNELS:
+        each = [
+            _compiled_quickly(problem.layout, placements, nodes, y, whitener, *rest)
+            for y, whitener in zip(whitened, whiteners, strict=True)
+        ]
+        solutions = [jax.tree.map(np.asarray, solution) for solution in each]
+    else:
+        found = jax.tree.map(np.asarray, _compiled_well(problem.layout, placements, nodes, whitened, whiteners, *rest))
+        solutions = [Solution(*(leaf[c] for leaf in found)) for c in range(len(channels))]
     return [
         as_fit(
             problem,
-            Solution(*(leaf[c] for leaf in solutions)),
+            solutions[c],
             channel,
             omegas[c],
             unit=float(unit[c]),
@@ -335,7 +333,19 @@ def _objective(wv: WaveletVariance, model: Composite, weights: AbstractWeights) 
     return value if seen is None else float(value)
 
 
-def _minimise_channels(
+_NUM_SCALES = 24
+"""Of records of up to 2^26 samples, or fewer: the search pads them to as many, and one program serves all."""
+
+
+def _padded(
+    y: Float[np.ndarray, "C J"], whiteners: Float[np.ndarray, "C J J"], tau: Float[np.ndarray, " J"]
+) -> tuple[Float[np.ndarray, "C L"], Float[np.ndarray, "C L L"], Float[np.ndarray, " L"]]:
+    """Whitened wavelet variances with scales of no weight after their own; the minimum is the same."""
+    more = (0, max(_NUM_SCALES - len(tau), 0))
+    return np.pad(y, ((0, 0), more)), np.pad(whiteners, ((0, 0), more, more)), np.pad(tau, more, mode="edge")
+
+
+def _minimise_channel(
     layout: Layout,
     placements: Any,
     nodes: Any,
@@ -346,17 +356,20 @@ def _minimise_channels(
     shapes: Any,
     amplitudes: Any,
 ) -> Solution:
-    def one(y: Any, whitener: Any) -> Solution:
-        return minimise(layout, placements, nodes, Data(y, whitener, tau, bounds, shapes, amplitudes))
+    return minimise(layout, placements, nodes, Data(y, whitener, tau, bounds, shapes, amplitudes))
 
-    if len(y) == 1:  # one batch axis less to trace
-        return jax.tree.map(lambda leaf: leaf[None], one(y[0], whitener[0]))
+
+def _minimise_channels(layout: Layout, placements: Any, nodes: Any, y: Any, whitener: Any, *rest: Any) -> Solution:
+    def one(y: Any, whitener: Any) -> Solution:
+        return _minimise_channel(layout, placements, nodes, y, whitener, *rest)
+
     return jax.vmap(one)(y, whitener)
 
 
-# XLA's optimising passes halve the time to run, and pay where many channels are fitted at once.
+# XLA's optimising passes halve the time to run, and pay where many channels are fitted at once. Few are fitted one by
+# one, by the program of a single channel.
 _FEW_CHANNELS = 8
-_compiled_quickly = jax.jit(_minimise_channels, static_argnums=0, compiler_options=QUICKLY)
+_compiled_quickly = jax.jit(_minimise_channel, static_argnums=0, compiler_options=QUICKLY)
 _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
 
 

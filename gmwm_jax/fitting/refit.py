@@ -34,7 +34,7 @@ class Refits(NamedTuple):
     """Their wavelet variances."""
 
 
-def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = CHUNK) -> Refits:
+def refit(fit: Fit, variances: Float[np.ndarray, "B J"]) -> Refits:
     """Estimate the model of a fit again from other wavelet variances on the same scales, with weights of the same kind.
 
     Default weights are those of each replicate's own intervals, two-step weights those under its own first fit. Weights
@@ -46,11 +46,9 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"], chunk_size: int = CHUNK
         Where to start.
     variances
         Wavelet variances, positive.
-    chunk_size
-        Replicates estimated at once. It changes speed and memory, not the numbers.
     """
     width = (fit.wv.ci_high - fit.wv.ci_low) / fit.wv.variance
-    again = partial(refit_whitened, fit.model, fit.wv.scales, chunk_size=chunk_size)
+    again = partial(refit_whitened, fit.model, fit.wv.scales)
     if not fit.weights.of_replicates:
         root = np.linalg.cholesky(fit.omega).T
         whitener = np.broadcast_to(root, (len(variances), *root.shape))
@@ -73,7 +71,6 @@ def refit_whitened(
     tau: Float[np.ndarray, " J"],
     y: Float[np.ndarray, "B J"],
     whitener: Float[np.ndarray, "B J J"],
-    chunk_size: int = CHUNK,
 ) -> Refits:
     """Estimate a model again, near its own values, from whitened wavelet variances.
 
@@ -85,12 +82,10 @@ def refit_whitened(
         Spans.
     y, whitener
         L' nu_hat and L' of each, Omega = L L'.
-    chunk_size
-        As of `refit`.
     """
     problem = Problem.of(model, float(tau[-1]))
     starts, parts = problem.starts_near(), []
-    for rows, count in chunks(len(y), chunk_size):
+    for rows, count in chunks(len(y), CHUNK):
         solution, converged = _solve_near(problem, starts, y[rows], whitener[rows], tau)
         found = (
             problem.parameter_values(solution),

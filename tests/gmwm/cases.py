@@ -437,9 +437,20 @@ def haar_filter(tau: int, differences: int = 0) -> Any:
     return h
 
 
+_AUTOCOVARIANCES: dict[Any, list[Any]] = {}
+
+
+def exact_autocovariance(case: Case, values: tuple[float, ...], num: int) -> list[Any]:
+    """The autocovariance that the row defines, at num lags; the longest asked for so far is kept."""
+    known = _AUTOCOVARIANCES.get((case.cls, values), [])
+    if len(known) < num:
+        known = _AUTOCOVARIANCES[case.cls, values] = case.autocovariance(*exact(values), num)
+    return known[:num]
+
+
 def defined_wavelet_variance(case: Case, values: tuple[float, ...], taus: list[int]) -> list[Any]:
     """E(W_t^2) from the definition: filter' covariance filter, summed over lags with the filters in integers."""
-    gamma = case.autocovariance(*exact(values), max(taus))
+    gamma = exact_autocovariance(case, values, max(taus))
     mean = case.mean(*exact(values))
     result = []
     for tau in taus:
@@ -461,7 +472,7 @@ def sample_covariance(case: Case, values: tuple[float, ...], num: int, *, less_v
     With `less_variance` the constant gamma(0) is taken off, in 80 digits: filters that sum to zero do not see it,
     and what is left of a slow process has all its digits.
     """
-    gamma = case.autocovariance(*exact(values), num)
+    gamma = exact_autocovariance(case, values, num)
     if less_variance and case.stationary:
         gamma = [g - gamma[0] for g in gamma]
     covariance = scipy.linalg.toeplitz(np.array([float(g) for g in gamma]))

@@ -6,6 +6,7 @@ import json
 import jax
 import numpy as np
 import pytest
+from programs import MEDIUM, as_channels
 from scipy.optimize import minimize, nnls
 
 import gmwm_jax as gj
@@ -95,15 +96,16 @@ def test_a_minimum_at_a_limit_is_reached_from_every_start(model):
 
     A descent in the log of its correlation time would crawl there; beside it an AR1 with phi near 0 competes with WN.
     """
-    keys = jax.random.split(jax.random.key(100), 20)
-    x = np.column_stack([np.asarray(gj.simulate("WN(sigma2=1) + RW(gamma2=1e-4)", 20_000, key=k)) for k in keys])
-    wv = gj.wavelet_variance(x)
-    runs = [gj.fit(wv, model), *(gj.fit(wv, model, key=jax.random.key(i)) for i in range(3))]
-    objectives = np.array([[f.objective for f in fits.values()] for fits in runs])
-    assert np.all(np.ptp(objectives, axis=0) <= 1e-6 * objectives.min(axis=0))
-    smaller = gj.fit(wv, "WN + RW")
-    assert all(fits[i].objective <= smaller[i].objective * (1 + 1e-9) for fits in runs for i in range(20))
-    assert sum("at boundary: random walk" in f.at_boundary.values() for f in runs[0].values()) > 5
+    simulated = jax.jit(lambda key: gj.simulate(gj.WN(1.0) + gj.RW(1e-4), MEDIUM, key=key))
+    num_walks = 0
+    for number, key in enumerate(jax.random.split(jax.random.key(100), 20)):
+        wv = gj.wavelet_variance(np.asarray(simulated(key)))
+        fits = [gj.fit(wv, model), *(gj.fit(wv, model, key=jax.random.key(i)) for i in range(3))]
+        objectives = np.array([fit.objective for fit in fits])
+        assert np.ptp(objectives) <= 1e-6 * objectives.min(), number
+        assert objectives.max() <= gj.fit(wv, "WN + RW").objective * (1 + 1e-9), number
+        num_walks += "at boundary: random walk" in fits[0].at_boundary.values()
+    assert num_walks > 5
 
 
 def test_hard_cases_of_the_library(shared):
@@ -300,8 +302,9 @@ def test_second_call_with_new_numbers_compiles_nothing():
 
 
 def test_channels_are_fitted_as_if_alone():
+    """Two by the program of one, and nine, more than are fitted one by one, by a program of their own."""
     models = ["WN(sigma2=1) + GM(beta=0.1, variance=1)", "WN(sigma2=1e-9) + GM(beta=0.004, variance=1e-10)"]
-    x = np.column_stack([np.asarray(gj.simulate(m, 20_000, key=jax.random.key(2))) for m in models])
+    x = np.column_stack([np.asarray(gj.simulate(m, MEDIUM, key=jax.random.key(2))) for m in models])
     rec = gj.Recording.from_array(x, rate=100.0, units="rad/s", channels=["a", "b"])
     fits = gj.fit(rec, "WN + GM")
     assert list(fits) == ["a", "b"]
@@ -313,6 +316,9 @@ def test_channels_are_fitted_as_if_alone():
     assert fits[1] is fits["b"]
     with pytest.raises(KeyError, match="a, b"):
         fits["c"]
+    variances = np.stack([f.wv.variance * 2.0**i for i, f in enumerate([*fits.values()] * 5)])[:9]
+    for i, f in enumerate(gj.fit(as_channels(gj.wavelet_variance(rec["a"]), variances), "WN + GM").values()):
+        assert f.objective == pytest.approx(gj.fit(f.wv, "WN + GM").objective, rel=1e-8, abs=0), i
 
 
 @pytest.mark.parametrize(

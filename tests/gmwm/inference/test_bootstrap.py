@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from drawn import assert_shows
 from helpers import assert_covariance, assert_mean
-from programs import as_channels, fitted, simulated
+from programs import fitted, simulated, with_variance
 
 import gmwm_jax as gj
 from gmwm_jax.fitting.refit import refit
@@ -44,9 +44,10 @@ def test_a_refit_is_a_fit(wv, omega):
     """The same minimum as a global search of each replicate, with weights of the same kind."""
     first = gj.fit(wv, "WN + GM", weights=omega)
     nu = gj.bootstrap(first, 10, key=jax.random.key(2)).variances
-    ours = refit(first, nu, chunk_size=16)
+    ours = refit(first, nu)
     given = first.omega if omega == "covariance" else omega
-    for b, f in enumerate(gj.fit(as_channels(wv, nu), "WN + GM", weights=given).values()):
+    for b, row in enumerate(nu):
+        f = gj.fit(with_variance(wv, row), "WN + GM", weights=given)
         assert ours.objective[b] == pytest.approx(f.objective, rel=1e-6)
         np.testing.assert_allclose(ours.values[b], [float(v) for p in f.model.processes for v in p.values], rtol=1e-4)
     assert ours.converged.all()

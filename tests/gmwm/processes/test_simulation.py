@@ -56,20 +56,20 @@ def test_recursion_is_the_loop():
     np.testing.assert_allclose(recursion(jnp.asarray(phi), jnp.asarray(e), jnp.asarray(2.0)), expected, atol=1e-12)
 
 
+def slopes_of_the_end(run):
+    """In phi, the innovations and the start, of the squares of the last three."""
+    return jax.jit(jax.grad(lambda *arguments: jnp.sum(run(*arguments)[-3:] ** 2), argnums=(0, 1, 2)))
+
+
+by_scan = slopes_of_the_end(lambda phi, e, start: jax.lax.scan(lambda x, e_t: 2 * (phi * x + e_t,), start, e)[1])
+by_blocks = slopes_of_the_end(first_order_recursion)
+
+
 @pytest.mark.parametrize("phi", [0.0, 0.9, 1.0, -0.5])
 def test_recursion_is_differentiable(phi):
     """In phi, the innovations and the start: against a scan."""
-    e = jnp.asarray(np.random.default_rng(0).normal(size=200))
-
-    def scanned(phi, e, start):
-        return jax.lax.scan(lambda x, e_t: 2 * (phi * x + e_t,), start, e)[1]
-
-    arguments = (jnp.asarray(phi), e, jnp.asarray(0.3))
-    for wrt in (0, 1, 2):
-        loop, blocks = (
-            jax.jit(jax.grad(lambda *a, run=run: jnp.sum(run(*a)[-3:] ** 2), wrt))(*arguments)
-            for run in (scanned, first_order_recursion)
-        )
+    e = np.random.default_rng(0).normal(size=200)
+    for blocks, loop in zip(by_blocks(phi, e, 0.3), by_scan(phi, e, 0.3), strict=True):
         np.testing.assert_allclose(blocks, loop, rtol=1e-10, atol=1e-11)
 
 
@@ -79,8 +79,8 @@ def test_recursion_is_differentiable(phi):
 @pytest.mark.parametrize("process", [GM(1e-4, 2.0), AR1(0.9999, 1e-4), GM(1e-12, 2.0)])
 def test_slow_processes_start_from_stationarity(process, key):
     """Var(X_1) is the variance of the process. (R's simts starts at zero: it would be 1e4 times too small.)"""
-    first = jax.vmap(lambda k: process.simulate(2, k))(jax.random.split(key, 4000))
-    assert_mean(first**2, float(process.autocovariance([0])[0]) * np.ones(2), sigmas=4.0)
+    first = jax.jit(jax.vmap(lambda k: process.simulate(2, k)))(jax.random.split(key, 4000))
+    assert_mean(np.asarray(first) ** 2, float(process.autocovariance([0])[0]) * np.ones(2), sigmas=4.0)
 
 
 # -- streams ---------------------------------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ def test_differentiable_in_parameters(case, key):
     def record(v):
         return simulate(Composite((case.cls(*v),)), 40, key=key)
 
-    forward, reverse = (jax.jit(d(record))(jnp.asarray(values)) for d in (jax.jacfwd, jax.jacrev))
+    forward, reverse = jax.jit(lambda v: (jax.jacfwd(record)(v), jax.jacrev(record)(v)))(values)
     # the root of MAT52's 3 x 3 driving noise has a condition of 1e4
     np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-11 if case.cls.kind == "MAT52" else 1e-12)
     for i in range(len(values)):

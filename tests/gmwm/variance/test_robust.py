@@ -202,8 +202,8 @@ def test_intervals_have_the_classic_form():
     wv = gj.wavelet_variance(white(5000), efficiency=0.75, level=0.9)
     eta = degrees_of_freedom(5000, wv.num_scales) / widening(0.75, wv.num_scales)
     low, high = interval_factors(eta, 0.9)
-    np.testing.assert_allclose(wv.ci_low, wv.variance * low, rtol=1e-13)
-    np.testing.assert_allclose(wv.ci_high, wv.variance * high, rtol=1e-13)
+    np.testing.assert_allclose(wv.ci_low, wv.variance * low, rtol=1e-14)
+    np.testing.assert_allclose(wv.ci_high, wv.variance * high, rtol=1e-14)
 
 
 # -- outliers --------------------------------------------------------------------------------------------------------

@@ -124,7 +124,7 @@ def test_gm_is_ar1():
     beta = 0.01
     ar1 = AR1(np.exp(-beta), -2.0 * np.expm1(-2 * beta))
     np.testing.assert_allclose(
-        wv_covariance(Composite((GM(beta, 2.0),)), 1000), wv_covariance(Composite((ar1,)), 1000), rtol=1e-11
+        wv_covariance(Composite((GM(beta, 2.0),)), 300), wv_covariance(Composite((ar1,)), 300), rtol=1e-11
     )
 
 
