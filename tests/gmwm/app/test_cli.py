@@ -1,6 +1,6 @@
 """The command line: tables, JSON, figures, and one clear line for every bad input.
 
-Fits compile for each model, number of scales and number of channels: all but two tests share one combination.
+Fits compile for each model: all but two tests share one.
 """
 
 import json

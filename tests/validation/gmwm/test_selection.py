@@ -43,3 +43,12 @@ def test_optimism_by_replicates_is_that_of_theory(data, judge):
     judge("optimism off theory, in sigmas", off, -SIGMAS, SIGMAS, num_draws=num)
     assert s.num_replicates == num
     assert "200 replicates" in repr(s)
+
+
+def test_a_weak_random_walk_is_not_left_out():
+    """In none of six data sets where the model without it would be rejected."""
+    wv = drawn_channels(FAINT + gj.RW(1e-7), LARGE, 6, 5)
+    for s in gj.select(wv, SUPERSET).values():
+        assert s.recommended.p_value >= 0.01
+        if s["WN + GM"].p_value < 0.01:
+            assert s.recommended is s["WN + GM + RW"]
