@@ -26,16 +26,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax import units as units_
 from gmwm_jax._internal.checks import number, sampling_rate
-from gmwm_jax._internal.host import compiled_quickly, known
+from gmwm_jax._internal.host import known
 from gmwm_jax._internal.quantiles import normal_quantile
-from gmwm_jax.fitting.standard_errors import evaluate
+from gmwm_jax.fitting.standard_errors import component_variances, evaluate
 from gmwm_jax.fitting.tables import Estimate, EstimateTable, LogQuantities
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.continuous_form import Quantity
@@ -158,6 +156,7 @@ def white_and_bias(
     interval: float | None = None,
     scales: Float[np.ndarray, " J"] | None = None,
     logs: tuple[np.ndarray, np.ndarray] | None = None,
+    components: Float[np.ndarray, "C J"] | None = None,
     level: float = 0.95,
 ) -> WhiteAndBias:
     """Reduce a model to the two numbers of a filter with white noise and a bias, and the lowest Allan deviation.
@@ -182,6 +181,8 @@ def white_and_bias(
     logs
         The logs of the quantities of `LogQuantities` and their covariance, if they are known; without it N has no
         interval.
+    components
+        Wavelet variance of each component at `scales`, if it is known.
     level
         Confidence of the interval.
 
@@ -220,7 +221,7 @@ def white_and_bias(
     # a component without variance is neither
     at = {i: j for i, j in at.items() if logs[0][j] > -np.inf}
     N, error = _root_sum_of_squares(*logs, list(at.values()))
-    parts = np.asarray(_wavelet_variances(model, tau))
+    parts = np.asarray(component_variances(model, tau) if components is None else components)
     slow = [i for i, p in enumerate(model.processes) if p.in_filter and i not in at and np.any(parts[i] > 0)]
     nu, times = parts[slow].sum(axis=0), tau / (2 * f)
     if interval is None:
@@ -311,8 +312,3 @@ def _meeting(nu: np.ndarray, white: np.ndarray, possible: np.ndarray) -> tuple[i
     if above[0] == first:
         return first, "the shortest of the scales: the bias is above the white noise from there on"
     return int(above[0]), "where the bias comes to the white noise"
-
-
-@compiled_quickly()
-def _wavelet_variances(model: Composite, tau: Float[Array, " J"]) -> Float[Array, "P J"]:
-    return jnp.stack([p.amplitude * p.unit_wavelet_variance(p.shape, tau) for p in model.processes])

@@ -20,7 +20,12 @@ from gmwm_jax.fitting.bias import WhiteAndBias, summary_rows, white_and_bias
 from gmwm_jax.fitting.exports.noise import ChannelNoise
 from gmwm_jax.fitting.exports.registry import format_of
 from gmwm_jax.fitting.outcome import Outcome
-from gmwm_jax.fitting.standard_errors import delta_method, estimator_derivatives, parameter_covariance, with_errors
+from gmwm_jax.fitting.standard_errors import (
+    delta_method,
+    estimator_derivatives,
+    parameter_covariance,
+    with_errors_and_components,
+)
 from gmwm_jax.fitting.tables import EstimateTable, LogQuantities, continuous_table, parameter_table
 from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -240,13 +245,15 @@ class Fit(Drawable):
             In seconds, see `gmwm_jax.fitting.white_and_bias`.
         """
         rate = sampling_rate(agreed_rate(self.rate, rate))
-        logs = None
-        if self.covariance is not None:
-            quantities = LogQuantities.of(self.model, rate)
-            values, _, covariance = with_errors(quantities, self.model, self.active, self.covariance)
-            logs = np.asarray(values), np.asarray(covariance)
         options: Any = {"step": step, "interval": interval, "scales": self.wv.scales, "level": self.level}
-        return white_and_bias(self.model, rate, self.unit, logs=logs, **options)
+        if self.covariance is not None:
+            values, _, covariance, components = self._tables(LogQuantities.of(self.model, rate))
+            options |= {"logs": (np.asarray(values), np.asarray(covariance)), "components": np.asarray(components)}
+        return white_and_bias(self.model, rate, self.unit, **options)
+
+    def _tables(self, quantities: LogQuantities) -> tuple[Array, ...]:
+        """What all tables in continuous time ask of this fit, by one program."""
+        return with_errors_and_components(quantities, self.model, self.active, self.covariance, self.wv.scales)
 
     @property
     def log_quantities(self) -> LogQuantities:
@@ -257,7 +264,7 @@ class Fit(Drawable):
         rate = sampling_rate(agreed_rate(self.rate, rate))
 
         def errors(logs: Any) -> tuple[np.ndarray, np.ndarray]:
-            values, sd, _ = with_errors(logs, self.model, self.active, self.covariance)
+            values, sd, *_ = self._tables(logs)
             return np.asarray(values), np.asarray(sd)
 
         known = None if self.covariance is None else errors

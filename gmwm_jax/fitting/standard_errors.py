@@ -131,13 +131,31 @@ def with_errors(
 
     A row and column of the covariance is NaN where the standard error is.
     """
+    return _delta_method(quantity, model, _mask(model, active), _over_all(model, active, covariance))
+
+
+def with_errors_and_components(
+    quantity: Callable[[Composite], Array],
+    model: Composite,
+    active: tuple[int, ...],
+    covariance: Any,
+    tau: Any,
+) -> tuple[Float[Array, " Q"], Float[Array, " Q"], Float[Array, "Q Q"], Float[Array, "C J"]]:
+    """As `with_errors`, and the wavelet variance of each component at spans `tau`: all that tables ask of a fit."""
+    return _tables(quantity, model, _mask(model, active), _over_all(model, active, covariance), tau)
+
+
+def _over_all(model: Composite, active: tuple[int, ...], covariance: Any) -> Any:
+    """The covariance of all parameters: zero in each row and column of those that are not active."""
     at = np.asarray(active, dtype=int)
-    num = model.num_parameters
-    # each row and column of all parameters from those of the active ones, or from a row of zeros
-    place = np.full(num, len(at))
+    place = np.full(model.num_parameters, len(at))
     place[at] = np.arange(len(at))
-    whole = namespace(covariance).pad(covariance, (0, 1))[np.ix_(place, place)]
-    return _delta_method(quantity, model, _mask(model, active), whole)
+    return namespace(covariance).pad(covariance, (0, 1))[np.ix_(place, place)]
+
+
+@compiled_quickly(static_argnums=(0,))
+def _tables(quantity: Any, model: Composite, active: Any, covariance: Any, tau: Any) -> tuple[Array, ...]:
+    return *_delta_method(quantity, model, active, covariance), component_variances(model, tau)
 
 
 @compiled_quickly(static_argnums=(0,))
@@ -151,6 +169,12 @@ def _delta_method(
     whole = jnp.where(unknown[:, None] | unknown[None, :], jnp.nan, J @ found @ J.T)
     error = jnp.sqrt(jnp.sum((J @ found) * J, axis=1))
     return quantity(model), jnp.where(unknown, jnp.nan, error), whole
+
+
+@compiled_quickly()
+def component_variances(model: Composite, tau: Float[Array, " J"]) -> Float[Array, "C J"]:
+    """The wavelet variance of each component."""
+    return jnp.stack([p.amplitude * p.unit_wavelet_variance(p.shape, tau) for p in model.processes])
 
 
 @compiled_quickly(static_argnums=(0,))

@@ -4,9 +4,9 @@ import os
 import subprocess
 import sys
 
-MOST = 9
-"""The search, the covariance of the wavelet variance, that of the parameters, the tables, what is white noise and bias
-to a filter; the others are single operations of the library that descends."""
+MOST = 8
+"""The search, the covariance of the wavelet variance, that of the parameters, the tables; the others are single
+operations of the library that descends."""
 
 PROGRAM = """
 import jax
