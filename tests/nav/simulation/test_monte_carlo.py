@@ -30,13 +30,16 @@ SCENARIO = nj.Scenario(REFERENCE, AIDING, START)
 
 
 def compare(filters=None, *, truth=RIGHT, scenario=SCENARIO, **options):
+    """Seven runs in one chunk: other sizes are other programs."""
     filters = {"right": RIGHT, "wrong": WRONG} if filters is None else filters
-    return nj.compare(scenario, truth, filters, **({"num_runs": 7, "key": KEY} | options)).runs
+    return nj.compare(
+        scenario, truth, filters, **({"num_runs": 7, "chunk_size": 7, "workers": 1, "key": KEY} | options)
+    ).runs
 
 
 @pytest.fixture(scope="module")
 def seven():
-    return compare(chunk_size=7, workers=1)
+    return compare()
 
 
 def assert_same(a, b, count=None, rtol=1e-8):
@@ -68,7 +71,7 @@ def test_a_run_is_the_same_however_many_there_are(seven):
 
 def test_all_filters_have_the_same_runs(seven):
     """Common random numbers: a filter alone has the runs that it has among others, and a copy of one has its runs."""
-    alone = compare({"wrong": WRONG, "twin": WRONG}, chunk_size=7)
+    alone = compare({"wrong": WRONG, "twin": WRONG})
     assert_same(alone["wrong"], seven["wrong"])
     np.testing.assert_array_equal(alone["twin"].error, alone["wrong"].error)
     # and filters whose beliefs differ make errors that go together
@@ -87,7 +90,7 @@ def test_the_right_filter_claims_the_size_of_its_errors(seven):
 
 
 def test_another_key_makes_other_runs(seven):
-    other = compare(key=jax.random.key(6), chunk_size=7)["right"]
+    other = compare(key=jax.random.key(6))["right"]
     assert np.abs(other.error[:, -1, :3] - seven["right"].error[:, -1, :3]).min() > 1e-6
 
 
@@ -122,7 +125,7 @@ def test_an_interrupt_returns_what_is_done(monkeypatch, seven):
         return experiment.run_filter(*args, **kwargs)
 
     monkeypatch.setattr(MONTE_CARLO, "run_filter", interrupted)
-    runs = compare(chunk_size=3, workers=1)
+    runs = compare(chunk_size=3)
     assert {r.error.shape[0] for r in runs.values()} <= {3, 6}
     for name, r in runs.items():
         assert r.num_requested == 7
@@ -135,7 +138,7 @@ def test_an_interrupt_before_anything_is_one(monkeypatch):
 
     monkeypatch.setattr(MONTE_CARLO, "run_filter", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        compare(chunk_size=3, workers=1)
+        compare(chunk_size=3)
 
 
 @pytest.mark.parametrize("gains", ["estimate", "reference"])
