@@ -140,7 +140,7 @@ def read_recording(
     bar = progress_bar(_size(file), "B", progress)
     try:
         kind = scale if isinstance(scale, str) and not re.match(r"\s*[-+.\d]", scale) else None
-        table = open_file(file, Reading(delimiter, header, variable, format, kind, bar.update))
+        table = open_file(file, Reading(delimiter, header, variable, format, kind, bar.update if progress else None))
         if kind is not None and table.format != "novatel":
             raise ValueError(f"scale=... names a type of IMU, {kind!r}, which only logs of novatel are read by.")
         return _recording(
