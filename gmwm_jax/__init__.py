@@ -36,6 +36,7 @@ from gmwm_jax import processes as processes
 from gmwm_jax import regression as regression
 from gmwm_jax import units as units
 from gmwm_jax import variance as variance
+from gmwm_jax._internal.saved import load as load
 from gmwm_jax.fitting import Fit as Fit
 from gmwm_jax.fitting import fit as fit
 from gmwm_jax.inference import bootstrap as bootstrap

@@ -28,6 +28,7 @@ Bar-Shalom, Y., Li, X. R. & Kirubarajan, T. (2001). Estimation with Applications
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
+from gmwm_jax._internal.saved import load as load
 from nav_jax import aiding as aiding
 from nav_jax import filter as filter
 from nav_jax import imu as imu

@@ -1,9 +1,11 @@
-"""What several test files share: statistical bands and a counter of traces."""
+"""What several test files share: statistical bands, a counter of traces, and when two results are the same."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+from gmwm_jax._internal.states import to_state
 
 SIGMAS = 4.5
 """Half width of every statistical band: one correct value in 150 000 lies outside."""
@@ -40,3 +42,24 @@ class CountTraces:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         self.count += 1
         return self.function(*args, **kwargs)
+
+
+def assert_same_result(found, given):
+    """Same class, same text, and every number of the state to the last bit."""
+    assert type(found) is type(given)
+    assert repr(found) == repr(given)
+    a, b = to_state(found), to_state(given)
+    assert a.tree == b.tree
+    assert list(a.arrays) == list(b.arrays)
+    for name, array in b.arrays.items():
+        assert a.arrays[name].dtype == array.dtype
+        assert a.arrays[name].shape == array.shape
+        assert a.arrays[name].tobytes() == array.tobytes()
+
+
+def arrays_of(data):
+    """The arrays of figures, in their order."""
+    if isinstance(data, np.ndarray):
+        return [data]
+    parts = data.values() if isinstance(data, dict) else data if isinstance(data, list | tuple) else []
+    return [array for part in parts for array in arrays_of(part)]

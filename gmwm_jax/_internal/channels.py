@@ -1,9 +1,11 @@
 """Results of several channels, by name of the channel: one class for all kinds of result."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import register
 
 
 @runtime_checkable
@@ -19,7 +21,7 @@ class OfChannel(Protocol):
 T = TypeVar("T", bound=OfChannel)
 
 
-class Channels(Mapping[str, T], Drawable, Generic[T]):
+class Channels(Mapping[str, T], Drawable, Saved, Generic[T]):
     """Results by name of the channel, or by its number; they print as one table and draw a panel each.
 
     Parameters
@@ -70,3 +72,16 @@ class Channels(Mapping[str, T], Drawable, Generic[T]):
     def __repr__(self) -> str:
         """One row a channel."""
         return type(self[0]).table_of(list(self.values())) if self else "no channels"
+
+
+class _State(NamedTuple):
+    results: Mapping[str, OfChannel]
+
+
+def _from_state(state: _State) -> Channels[Any]:
+    if len({type(r) for r in state.results.values()}) > 1:
+        raise ValueError("the results of its channels are of several classes.")
+    return Channels(state.results)
+
+
+register(Channels, _State, lambda channels: _State(dict(channels)), _from_state)

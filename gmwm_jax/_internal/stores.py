@@ -8,6 +8,7 @@ import importlib
 import json
 import os
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,11 @@ FORMAT = 1
 
 _HEADERS = 1 << 20
 """Bytes of a netCDF file besides its arrays."""
+
+_TEXT_FILTER = "vlen-utf8"
+"""Of arrays of text in a Zarr folder, the only filter that one of ours has."""
+
+SUFFIXES = (".zarr", ".nc")
 
 _ENGINES = {".zarr": ("zarr", ("zarr",)), ".nc": ("h5netcdf", ("h5netcdf", "h5py"))}
 """Ending -> xarray's engine, and the packages that it needs."""
@@ -60,8 +66,6 @@ def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
 
     Raises
     ------
-    ValueError
-        Another ending.
     FileExistsError
         There is something at `path` that is no result of this kind of file.
     OSError
@@ -85,45 +89,52 @@ def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
     return make_atomically(path, make)
 
 
-def read_dataset(path: str | os.PathLike, kind: str) -> "xarray.Dataset":
+def read_dataset(path: str | os.PathLike) -> "xarray.Dataset":
     """Read and check what `write_dataset` wrote, or xarray itself from the same Dataset.
 
     Parameters
     ----------
     path
         A folder ``*.zarr`` or a file ``*.nc``.
-    kind
-        The attribute ``kind`` that it must have.
+
+    Returns
+    -------
+    A Dataset with the attribute ``kind``.
 
     Raises
     ------
     FileNotFoundError
         There is nothing.
     ValueError
-        It is corrupt, cut off, of another program or of another kind.
+        It is corrupt, cut off or of another program.
     """
     path = Path(path)
     engine = _engine(path)
-    xarray = import_xarray(*_ENGINES[path.suffix.lower()][1])
+    xarray = import_xarray()
     if not path.exists():
         settle_abandoned(path)
     if not path.exists():
         raise FileNotFoundError(f"There is no {path.resolve()}.")
     try:
+        if engine == "zarr":
+            _require_plain(path)
         found = xarray.load_dataset(path, engine=engine, decode_times=False)
     except Exception as error:  # of HDF5, Zarr, its codecs and JSON there are too many kinds to name
         raise ValueError(
             f"{path} cannot be read as {engine}: it is corrupt, cut off or something else ({error})."
         ) from error
-    seen = found.attrs.get("kind")
-    if seen != kind:
-        of = "nothing of nav_jax" if seen is None else f"{seen!r}"
+    if not isinstance(found.attrs.get("kind"), str):
+        seen = ", ".join(map(str, found)) or "no data"
+        raise ValueError(f"{path} was not saved by gmwm_jax or nav_jax. It has {seen}.")
+    version = found.attrs.get("format", FORMAT)
+    if not isinstance(version, int | np.integer) or version > FORMAT:
         raise ValueError(
-            f"{path} holds {of}, and {kind!r} is wanted. It has {', '.join(map(str, found)) or 'no data'}."
+            f"{path} was written by a newer version (format {version}, known is {FORMAT}): update gmwm-jax."
         )
-    if int(found.attrs.get("format", FORMAT)) > FORMAT:
-        raise ValueError(f"{path} was written by a newer nav_jax (format {found.attrs['format']}, known is {FORMAT}).")
-    sums = json.loads(found.attrs.pop("checksums", "{}"))
+    try:
+        sums = dict(json.loads(found.attrs.pop("checksums", "{}")))
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path} is corrupt: its checksums cannot be read.") from error
     if missing := set(sums) - set(map(str, found.variables)):
         raise ValueError(f"{path} is not whole: {', '.join(sorted(missing))} is missing.")
     for name, expected in sums.items():
@@ -132,11 +143,24 @@ def read_dataset(path: str | os.PathLike, kind: str) -> "xarray.Dataset":
     return found
 
 
+def _require_plain(path: Path) -> None:
+    """Raise unless the arrays of a Zarr folder are numbers and text: it may ask its reader to unpickle."""
+
+    def filters(node: Any) -> Iterator[Any]:
+        if isinstance(node, dict):
+            yield from node.get("filters") or []
+        for child in node.values() if isinstance(node, dict) else node if isinstance(node, list) else []:
+            yield from filters(child)
+
+    for name in (".zarray", ".zmetadata", "zarr.json"):
+        for file in path.rglob(name):
+            for one in filters(json.loads(file.read_bytes())):
+                if not isinstance(one, dict) or one.get("id") != _TEXT_FILTER:
+                    raise ValueError(f"{file.relative_to(path)} has the filter {one!r:.80}")
+
+
 def _engine(path: Path) -> str:
-    suffix = path.suffix.lower()
-    if suffix not in _ENGINES:
-        raise ValueError(f"Results are .zarr folders or .nc files, and the path is {path}.")
-    engine, packages = _ENGINES[suffix]
+    engine, packages = _ENGINES[path.suffix.lower()]
     import_xarray(*packages)
     return engine
 

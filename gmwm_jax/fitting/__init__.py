@@ -33,6 +33,11 @@ fits.export("kalibr", path="imu.yaml")
 print(fits.export("px4", step=0.01))  # white noise is what is white at the step of the filter
 print(fits["gyro_x"].white_and_bias())
 ```
+
+How to keep a fit
+-----------------
+``fit.save("accel_x.json")``, or ``.npz``, or with the extra ``io`` ``.nc``; ``gj.load`` gives it back, to the last bit. So have
+all results of this package. A process of your own is in no file: who reads it may not have it.
 """  # noqa: E501
 
 from gmwm_jax._internal.channels import Channels as Channels

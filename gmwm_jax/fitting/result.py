@@ -15,6 +15,8 @@ from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.bias import WhiteAndBias, summary_rows, white_and_bias
 from gmwm_jax.fitting.exports.noise import ChannelNoise
@@ -43,8 +45,17 @@ class Status(enum.Enum):
     non_finite = "no finite objective: the wavelet variance or the weights are beyond floating point"
 
 
+def _check(fit: "Fit") -> None:
+    """Raise a ValueError for what no estimator makes, in a file."""
+    if len(fit.omega) != fit.wv.num_scales:
+        raise ValueError(f"It has weights for {len(fit.omega)} scales, and {fit.wv.num_scales} scales.")
+    for process in fit.model.processes:
+        process.require_complete()
+
+
+@saved(not_finite=("objective",), check=_check)
 @dataclass(frozen=True, repr=False)
-class Fit(Drawable):
+class Fit(Drawable, Saved):
     """A model fitted to the wavelet variance of one channel.
 
     Attributes

@@ -15,12 +15,13 @@ take them from there.
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 from numpy.typing import ArrayLike
 
+from gmwm_jax._internal.states import register, saved
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.variance.wavelet import WaveletVariance
 
@@ -82,6 +83,7 @@ class AbstractWeights(ABC):
         return ()
 
 
+@saved()
 @dataclass(frozen=True)
 class Default(AbstractWeights):
     """1/(ci_high - ci_low)^2 on the diagonal."""
@@ -104,6 +106,7 @@ class Default(AbstractWeights):
         return (_measured,)
 
 
+@saved()
 @dataclass(frozen=True)
 class TwoStep(AbstractWeights):
     """The default weights with the variance of a first fit in place of the measured one."""
@@ -124,6 +127,7 @@ class TwoStep(AbstractWeights):
         return (*self.first.of_replicates, _fitted)
 
 
+@saved()
 @dataclass(frozen=True)
 class Covariance(AbstractWeights):
     """The inverse of the covariance of the wavelet variance under a first fit."""
@@ -159,6 +163,7 @@ class Covariance(AbstractWeights):
         return (omega + omega.T) / 2
 
 
+@saved()
 @dataclass(frozen=True)
 class Iterated(AbstractWeights):
     """The inverse covariance under the fit that it gives itself."""
@@ -199,6 +204,12 @@ class Given(AbstractWeights):
             raise ValueError("weights must be positive definite: every eigenvalue above zero.")
         return omega
 
+
+class _Given(NamedTuple):
+    values: Float64[np.ndarray, "..."]
+
+
+register(Given, _Given, lambda g: _Given(np.asarray(g.values, dtype=np.float64)), lambda state: Given(state.values))
 
 WeightsLike: TypeAlias = AbstractWeights | str | ArrayLike | None
 """What functions take as weights: an object, the name of one, an array for `Given`, or None for `Default`."""

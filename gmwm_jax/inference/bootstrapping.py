@@ -13,6 +13,8 @@ from jaxtyping import Bool, Float
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.refit import refit
 from gmwm_jax.fitting.result import Fit
@@ -25,8 +27,9 @@ CHUNK = 64
 """Replicates drawn and estimated at once, between two looks at the keyboard."""
 
 
+@saved(not_finite=("variances", "values", "objective"))
 @dataclass(frozen=True, repr=False)
-class Bootstrap(Drawable):
+class Bootstrap(Drawable, Saved):
     """The result of `bootstrap`: B replicates of a fit.
 
     Attributes

@@ -25,6 +25,8 @@ from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit
@@ -47,6 +49,7 @@ _SHOWN = 12
 """Candidates in a table, at least."""
 
 
+@saved(not_finite=("optimism", "difference", "standard_error", "p_value"))
 @dataclass(frozen=True, repr=False)
 class Candidate:
     """One model of a selection.
@@ -110,8 +113,9 @@ class Candidate:
         return {name: getattr(self, name) for name in names} | rest
 
 
+@saved()
 @dataclass(frozen=True, repr=False)
-class Selection(Mapping[str, Candidate], Drawable):
+class Selection(Mapping[str, Candidate], Drawable, Saved):
     """The candidates for one channel, the best first; those contained in smaller ones, and failed fits, come last.
 
     Attributes

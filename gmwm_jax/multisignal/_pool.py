@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate
+from gmwm_jax._internal.states import saved
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.estimator import AbstractEstimator, Estimated
@@ -135,6 +136,7 @@ def whitened(
     return np.swapaxes(lower, 1, 2) * scale[:, None, :], y
 
 
+@saved()
 @dataclass(frozen=True, eq=False)
 class MeanOfRecords(AbstractEstimator):
     """nu_bar = Omega^-1 sum_i Omega_i nu_i as an estimator, whose covariance is known if that of the records is."""

@@ -11,6 +11,8 @@ from jaxtyping import Float
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, typed_key
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit_by_steps, fit_channels
@@ -36,8 +38,9 @@ from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances
 
 
+@saved()
 @dataclass(frozen=True, repr=False)
-class JointFit(Drawable):
+class JointFit(Drawable, Saved):
     """One model fitted to several records of one channel (Bakalli et al. 2023).
 
     Its intervals hold if all records have the same parameters; `resample_records` gives intervals that do not need

@@ -21,6 +21,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import as_float, concrete, spans
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes.continuous_form import ContinuousForm
 from gmwm_jax.processes.parameter import Fixed, Limit, Parameter
@@ -307,6 +308,7 @@ class AbstractProcess(eqx.Module):
         return f"{self.kind}({', '.join(parts)})"
 
 
+@saved()
 class Composite(eqx.Module):
     """A sum of independent latent processes.
 

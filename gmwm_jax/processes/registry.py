@@ -1,9 +1,10 @@
 """The table of processes, and models from text: ``"WN + RW + 3*GM"``."""
 
 import re
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
+from gmwm_jax._internal.states import register
 from gmwm_jax.processes.arma import AR, ARMA, MA
 from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -140,3 +141,35 @@ def as_model(model: str | AbstractProcess | Composite) -> Composite:
     if isinstance(model, Composite):
         return model
     raise TypeError(f'A model is a text such as "WN + 2*GM", a process or a sum of processes, not {model!r}.')
+
+
+class _State(NamedTuple):
+    """A process in a file: what its text says, with all digits."""
+
+    kind: str
+    values: Mapping[str, float]
+    fixed: tuple[str, ...]
+
+
+def _to_state(p: AbstractProcess) -> _State:
+    try:
+        known = process_class(p.kind)
+    except ValueError:
+        known = None
+    if known is not type(p):
+        raise ValueError(
+            f"{p.kind} is a process of your own, which who reads the file may not have. Keep what is computed from it: "
+            "tables, arrays, to_dict()."
+        )
+    values = {q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True) if v is not None}
+    return _State(p.kind, values, p.fixed)
+
+
+def _from_state(state: _State) -> AbstractProcess:
+    build: Any = process_class(state.kind)
+    if unknown := set(state.fixed) - set(state.values):
+        raise ValueError(f"{state.kind} holds {', '.join(sorted(unknown))} at no value.")
+    return build(**{name: Fixed(v) if name in state.fixed else v for name, v in state.values.items()})
+
+
+register(AbstractProcess, _State, _to_state, _from_state, family=True)

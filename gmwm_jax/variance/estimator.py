@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import as_float, finite_record
+from gmwm_jax._internal.states import saved
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.variance._skewness import wv_skewness
 from gmwm_jax.variance.blocked import host_wavelet_variance
@@ -125,6 +126,7 @@ class AbstractEstimator(ABC):
         raise ValueError(f"The {self.name} wavelet variance is not replicated by simulated records.")
 
 
+@saved()
 @dataclass(frozen=True)
 class Modwt(AbstractEstimator):
     """The mean of the squares of all coefficients of the maximal-overlap transform: the most precise one there is."""
@@ -155,6 +157,7 @@ class Modwt(AbstractEstimator):
         return lambda records: np.stack([host_wavelet_variance(x, num_levels) for x in records])
 
 
+@saved()
 @dataclass(frozen=True)
 class Dwt(AbstractEstimator):
     """The mean of the squares of every 2^j-th coefficient: less precise, but they hardly correlate."""
@@ -181,6 +184,7 @@ class Dwt(AbstractEstimator):
         return Estimated(_by_channel(data, names, of_channel), degrees_of_freedom(data.shape[0], J, decimated=True))
 
 
+@saved()
 @dataclass(frozen=True)
 class Robust(AbstractEstimator):
     """The M-estimator of scale with Tukey's biweight, which gives outliers no weight; see `gmwm_jax.variance.robust`.
@@ -232,6 +236,7 @@ class Robust(AbstractEstimator):
         return np.asarray(wv_covariance(model, num_samples, num_levels, efficiency=self.efficiency))
 
 
+@saved()
 @dataclass(frozen=True)
 class Pairs(AbstractEstimator):
     """The MODWT's from all pairs of samples that are there, see `gmwm_jax.variance.gaps`."""

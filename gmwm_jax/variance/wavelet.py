@@ -20,6 +20,8 @@ from gmwm_jax._internal.checks import (
     unmasked,
 )
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.recordings.recording import Recording
@@ -28,9 +30,22 @@ from gmwm_jax.variance.blocked import blocks_to_file
 from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator, from_shorthands
 from gmwm_jax.variance.haar import interval_factors, scales
 
+_INTERVALS = ("ci_low", "ci_high")
+
+
+def _check(wv: "AbstractWaveletVariance") -> None:
+    """Raise a ValueError for what no record has, in a file."""
+    spans(wv.scales)
+    positive("variance", wv.variance)
+    num = 1 if wv.variance.ndim == 1 else wv.variance.shape[1]
+    if len(wv.channels) != num or len(wv.units) != num:
+        raise ValueError(f"It has {num} channels, the names {wv.channels} and the units {wv.units}.")
+    for unit in wv.units:
+        require_si(unit)
+
 
 @dataclass(frozen=True, repr=False)
-class AbstractWaveletVariance(Drawable):
+class AbstractWaveletVariance(Drawable, Saved):
     """What the wavelet variances of one channel and of several have in common.
 
     Attributes
@@ -150,6 +165,7 @@ class AbstractWaveletVariance(Drawable):
         return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}"
 
 
+@saved(not_finite=_INTERVALS, check=_check)
 @dataclass(frozen=True, repr=False)
 class WaveletVariance(AbstractWaveletVariance):
     """The Haar wavelet variance of one channel, in arrays of shape (J,), or of C channels, (J, C)."""
@@ -221,6 +237,7 @@ class WaveletVariance(AbstractWaveletVariance):
         return cls(tau, *values, num_samples, level, rate, channels=(name or "x",), units=(unit,), name=name)
 
 
+@saved(not_finite=_INTERVALS, check=_check)
 @dataclass(frozen=True, repr=False)
 class WaveletVariances(AbstractWaveletVariance):
     """Haar wavelet variances of C channels, arrays of shape (J, C); ``wv["gyro_x"]`` is that of one."""

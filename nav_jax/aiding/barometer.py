@@ -1,14 +1,16 @@
 """Barometric height."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 
+from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, noises, spread, timing
 from nav_jax.imu.noise_models import NoiseModel
@@ -104,3 +106,19 @@ class Barometer(AbstractAiding):
 
     def measured(self, values, origin):  # noqa: D102
         return values if origin is None else values - origin[2]
+
+
+class _State(NamedTuple):
+    height: NoiseModel
+    believed: Float64[np.ndarray, "1"]
+    rate: float
+    first: float
+    outages: tuple[tuple[float, float], ...]
+    name: str
+
+
+def _to_state(s: Barometer) -> _State:
+    return _State(s.noise[0], np.asarray(s.believed), s.rate, s.first, s.outages, s.name)
+
+
+register(Barometer, _State, _to_state, lambda state: Barometer(**state._asdict()))

@@ -1,15 +1,17 @@
 """GNSS: fixes of position and of velocity, three components, two of them horizontal."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.checks import as_float, concrete
+from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, lever, noises, spread, timing
 from nav_jax.imu.noise_models import NoiseModel
@@ -194,3 +196,36 @@ def _factor(name: str, covariance: Any) -> Float[Array, "3 3"]:
     if seen is not None and np.linalg.eigvalsh(seen).min() <= 0:
         raise ValueError(f"{name}: the covariance of its noise must be positive definite.")
     return jnp.linalg.cholesky(C)
+
+
+class _State(NamedTuple):
+    noise: tuple[NoiseModel, ...]
+    believed: Float64[np.ndarray, "3"]
+    factor: Float64[np.ndarray, "3 3"] | None
+    lever_arm: Float64[np.ndarray, "3"] | None
+    rate: float
+    first: float
+    outages: tuple[tuple[float, float], ...]
+    name: str
+
+
+def _to_state(s: AbstractNed) -> _State:
+    factor, arm = (None if a is None else np.asarray(a) for a in (s.factor, s.lever_arm))
+    return _State(s.noise, np.asarray(s.believed), factor, arm, s.rate, s.first, s.outages, s.name)
+
+
+def _from_state(cls: type[AbstractNed], state: _State) -> AbstractNed:
+    options: dict[str, Any] = state._asdict()
+    north, east, down = options.pop("noise")
+    believed, factor = options.pop("believed"), options.pop("factor")
+    if repr(north) != repr(east):
+        raise ValueError(f"{state.name} has one noise of north and another one of east.")
+    if factor is None:
+        return cls(horizontal=north, vertical=down, believed=believed, **options)
+    sensor = cls(covariance=factor @ factor.T, **options)
+    # to the last bit: a factor of a product is not that of before; a tuning may believe other standard deviations
+    return eqx.tree_at(lambda s: (s.factor, s.believed), sensor, (as_float(factor), as_float(believed)))
+
+
+for _cls in (GnssPosition, GnssVelocity):
+    register(_cls, _State, _to_state, partial(_from_state, _cls))

@@ -1,15 +1,16 @@
 """The odometer: speed over ground in the direction of the wheels, with a scale factor that a filter estimates."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.checks import concrete
+from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, lever, noises, spread, timing
 from nav_jax.aiding.states import OwnState
@@ -138,3 +139,31 @@ class Odometer(AbstractAiding):
     def measured(self, values, origin):  # noqa: D102
         # sideways zero is measured whenever the speed is
         return np.pad(values, ((0, 0), (0, len(self.noise) - 1)))
+
+
+class _State(NamedTuple):
+    noise: tuple[NoiseModel, ...]
+    believed: Float64[np.ndarray, " K"]
+    lever_arm: Float64[np.ndarray, "3"] | None
+    scale: OwnState | None
+    rate: float
+    first: float
+    outages: tuple[tuple[float, float], ...]
+    name: str
+
+
+def _to_state(s: Odometer) -> _State:
+    arm = None if s.lever_arm is None else np.asarray(s.lever_arm)
+    return _State(s.noise, np.asarray(s.believed), arm, s.scale, s.rate, s.first, s.outages, s.name)
+
+
+def _from_state(state: _State) -> Odometer:
+    options: dict[str, Any] = state._asdict()
+    speed, *rest = options.pop("noise")
+    scale: OwnState | None = options.pop("scale")
+    if scale is not None:
+        options |= {"scale_sd": scale.sd, "scale_noise": scale.noise}
+    return Odometer(speed=speed, sideways=tuple(rest) or None, **options)
+
+
+register(Odometer, _State, _to_state, _from_state)

@@ -6,7 +6,7 @@ emulated is drawn at the fixes, in the same steps all at once.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import NO_CHANNEL, SensorState
@@ -69,6 +70,16 @@ class OwnState(eqx.Module):
             labelled = zip(model.labels, model.processes, strict=True)
             parts += [(label, markov_form(NoiseModel((p,)), self.name)) for label, p in labelled]
         return parts
+
+
+class _State(NamedTuple):
+    name: str
+    unit: str
+    sd: float
+    noise: NoiseModel | None
+
+
+register(OwnState, _State, lambda s: _State(s.name, s.unit, float(s.sd), s.noise), lambda state: OwnState(*state))
 
 
 class OwnStates(eqx.Module):

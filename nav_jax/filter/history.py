@@ -11,10 +11,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int
 
+from gmwm_jax._internal.states import saved
 from nav_jax.filter.schedule import Schedule
 from nav_jax.filter.timeline import Estimate, Trace
 
+ESTIMATES = ("position", "velocity", "quaternion", "sensor_errors", "sd")
+"""NaN where a filter has failed."""
 
+
+@saved(not_finite=ESTIMATES)
 @dataclass(frozen=True, eq=False)
 class Estimates:
     """What a filter made of one run at E epochs, and what it claims of it: row k of everything is of ``time[k]``.

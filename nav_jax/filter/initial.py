@@ -9,9 +9,11 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.states import saved
 from nav_jax.filter.layout import NAVIGATION
 
 
+@saved()
 class InitialUncertainty(eqx.Module):
     """The covariance of the navigation error at the start; runs draw from it, and the filter knows it.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gmwm_jax._internal.checks import integer, number, of_kind
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty
@@ -19,6 +20,7 @@ OUTPUT_INTERVAL = 1.0
 """Default s between the epochs of results."""
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario:
     """A trajectory with its aiding, its start and its Earth: all of a study but the noise of the IMU and the filters.

@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Float64
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.states import register
 from nav_jax.imu.channels import CHANNELS, SensorState
 
 
@@ -104,3 +105,11 @@ class Misalignment(AbstractDeterministic):
 
 DETERMINISTIC: dict[str, type[AbstractDeterministic]] = {"scale_factor": ScaleFactor, "misalignment": Misalignment}
 """By the names that configuration files know them by: one row a kind."""
+
+
+class _State(NamedTuple):
+    sd: Float64[np.ndarray, "6"]
+
+
+for _cls in DETERMINISTIC.values():
+    register(_cls, _State, lambda d: _State(np.asarray(d.sd)), lambda state, cls=_cls: cls(state.sd[:3], state.sd[3:]))

@@ -12,17 +12,18 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Float64
 
 from gmwm_jax import Composite, datasets, read_recording
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import as_float, concrete, of_kind, positive, sampling_rate
 from gmwm_jax._internal.host import known, namespace
+from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
 from nav_jax.imu.bank import SensorBank
@@ -216,6 +217,33 @@ class ImuErrors(eqx.Module):
             lines.append(f"  turn-on bias, sd: accel {sd[:3]} m/s^2, gyro {sd[3:]} rad/s")
         lines += [f"  {d!r}" for d in self.deterministic]
         return "\n".join(lines)
+
+
+class _State(NamedTuple):
+    models: tuple[Composite, ...]
+    bias_sd: Float64[np.ndarray, "6"]
+    deterministic: tuple[AbstractDeterministic, ...]
+    rate: float
+    start: str
+
+
+def _to_state(errors: ImuErrors) -> _State:
+    return _State(errors.models, np.asarray(errors.bias_sd), errors.deterministic, errors.rate, errors.start)
+
+
+def _from_state(state: _State) -> ImuErrors:
+    return ImuErrors(
+        state.models[:3],
+        state.models[3:],
+        state.rate,
+        accel_bias_sd=state.bias_sd[:3],
+        gyro_bias_sd=state.bias_sd[3:],
+        deterministic=state.deterministic,
+        start=state.start,
+    )
+
+
+register(ImuErrors, _State, _to_state, _from_state)
 
 
 def sensor_errors(sensor: str, **options: Any) -> ImuErrors:

@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float64
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import FloatLike, Scalar, Vector, Vectors
 from gmwm_jax.units import STANDARD_GRAVITY
 
@@ -59,6 +60,7 @@ class AbstractEarth(eqx.Module):
         """Height above the surface through the origin of n, (...) m."""
 
 
+@saved()
 class FlatEarth(AbstractEarth):
     """A flat Earth that does not rotate, with the same gravity everywhere.
 

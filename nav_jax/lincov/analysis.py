@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.experiment import Setup, check_rates, named_filters
 from nav_jax.filter.initial import InitialUncertainty
@@ -26,8 +28,9 @@ _SINGULAR = 1e-13
 """Smallest eigenvalue of a matrix of correlations that is more than rounding."""
 
 
+@saved(not_finite=("true", "claimed", "innovation", "innovation_claimed"))
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Covariances(Judged, Drawable):
+class Covariances(Judged, Drawable, Saved):
     """True and claimed covariance of one filter along a reference.
 
     Attributes
@@ -144,8 +147,15 @@ class Covariances(Judged, Drawable):
         return f"{self.name}: linear covariances at {self.time[k]:g} s\n{format_table(head, rows, left=2)}{notes}"
 
 
+def _check(analysis: "Analysis") -> None:
+    """Raise a ValueError for an analysis of nothing, in a file."""
+    if not analysis.filters:
+        raise ValueError("There is no filter in it.")
+
+
+@saved(check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Analysis(Mapping[str, Covariances], Drawable):
+class Analysis(Mapping[str, Covariances], Drawable, Saved):
     """The result of `analyse`: several filters along one reference, by their names."""
 
     filters: Mapping[str, Covariances]

@@ -23,6 +23,8 @@ import numpy as np
 from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.chunks import until_interrupted
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.experiment import Setup
 from nav_jax.filter.scenario import Scenario
@@ -38,6 +40,7 @@ from nav_jax.statistics.epochs import inside_outages
 OBJECTIVES = ("score", "error")
 
 
+@saved(not_finite=("loss", "loss_naive"))
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """The best filter of one structure.
@@ -84,8 +87,15 @@ class Candidate:
         return ", ".join(parts)
 
 
+def _check(design: "Design") -> None:
+    """Raise a ValueError for a design of nothing, in a file."""
+    if not design.candidates or not design.scenarios or len(design.right) != len(design.scenarios):
+        raise ValueError("There is no candidate in it, or not one analysis of each scenario.")
+
+
+@saved(check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(Drawable):
+class Design(Drawable, Saved):
     """The result of `design`: the best filter of each structure, with fewer states first.
 
     Attributes

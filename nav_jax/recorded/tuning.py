@@ -16,6 +16,8 @@ from gmwm_jax._internal.checks import integer, of_kind, probability
 from gmwm_jax._internal.checks import number as check_number
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
@@ -34,8 +36,15 @@ _WIDEST = 20.0
 """Half of an interval of logarithms, at most: what only a wide prior holds might leave the range of numbers."""
 
 
+def _check(tuning: "Tuning") -> None:
+    """Raise a ValueError for names that are not those of the values, in a file."""
+    if len(tuning.names) != len(tuning.value):
+        raise ValueError(f"It has {len(tuning.names)} names and {len(tuning.value)} values.")
+
+
+@saved(not_finite=("se", "ci_low", "ci_high"), check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuning(Drawable):
+class Tuning(Drawable, Saved):
     """The result of `tune`: the noise parameters that a recorded run makes most likely.
 
     Attributes

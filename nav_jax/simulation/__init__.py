@@ -3,7 +3,8 @@
 Every filter sees the same runs, run for run: differences are tested in pairs. ``gains="reference"`` shares one covariance
 and one set of gains, computed along the reference, among all runs: exact to first order in the errors and several times
 faster. ``every=10`` of a scenario propagates the covariance over ten samples at once, with the transition accumulated over
-all of them. ``smooth=True`` judges the fixed-interval smoother. ``cmp.save("runs.nc")``, or ``.zarr``, keeps the runs;
+all of them. ``smooth=True`` judges the fixed-interval smoother. ``cmp.save("runs.nc")``, or ``.zarr``, or without the extra
+``io`` ``.npz``, keeps the runs, and ``nj.load("runs.nc")`` gives the comparison back, with table and figures;
 ``cmp.to_xarray()`` is a Dataset (model, run, time, component) with units.
 
 How to read a comparison

@@ -1,16 +1,15 @@
 """Several filter models on the same runs: ranked, drawn, and written to disk."""
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.stores import read_dataset, write_dataset
+from gmwm_jax._internal.saved import AsDataset
+from gmwm_jax._internal.states import saved
 from nav_jax.simulation._dataset import join_models, runs_to_dataset
 from nav_jax.simulation.ranking import Ranking, common_runs, rank
 from nav_jax.simulation.runs import Runs
@@ -24,8 +23,9 @@ COMPARISON_KIND = "nav_jax comparison"
 _REFERENCE = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternion": ("quaternion", "1")}
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Drawable):
+class Comparison(Drawable, AsDataset):
     """Several filters on common random numbers: run i of each has the same truth and the same noise.
 
     Attributes
@@ -42,6 +42,8 @@ class Comparison(Drawable):
     ValueError
         No model, or models with different epochs or fixes.
     """
+
+    dataset_kind: ClassVar[str] = COMPARISON_KIND
 
     reference: Trajectory
     runs: Mapping[str, Runs]
@@ -121,7 +123,7 @@ class Comparison(Drawable):
     # -- as others want it ------------------------------------------------------------------------------------------
 
     def to_xarray(self) -> "xarray.Dataset":
-        """All of it as a Dataset (model, run, time, component) with the reference; `load` reads it back from disk.
+        """All of it as a Dataset (model, run, time, component) with the reference; `save` writes it.
 
         Runs and states that one model lacks are NaN there, and its `status` of such runs is -1.
         """
@@ -144,18 +146,3 @@ class Comparison(Drawable):
             raise ValueError(f"This Dataset is not one that Comparison.to_xarray made: {error}.") from error
         runs = {name: Runs.from_xarray(dataset.isel(model=i)) for i, name in enumerate(names)}
         return cls(reference, runs, truth)
-
-    def save(self, path: str | os.PathLike) -> Path:
-        """Write to a folder ``*.zarr`` or a file ``*.nc``, whole or not at all.
-
-        Parameters
-        ----------
-        path
-            A former result there is replaced.
-        """
-        return write_dataset(self.to_xarray(), path)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike) -> "Comparison":
-        """Read what `save` wrote; a ValueError if it is corrupt or something else."""
-        return cls.from_xarray(read_dataset(path, COMPARISON_KIND))

@@ -1,19 +1,19 @@
 """Monte Carlo runs of one filter model: errors, what the filter said of them, innovations, and what became of each."""
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float64, Integer
 
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.stores import import_xarray, read_dataset, write_dataset
+from gmwm_jax._internal.saved import AsDataset
+from gmwm_jax._internal.states import saved
+from gmwm_jax._internal.stores import import_xarray
 from gmwm_jax._internal.text_table import format_table, number
-from nav_jax.filter.history import Estimates
+from nav_jax.filter.history import ESTIMATES, Estimates
 from nav_jax.filter.layout import JUDGED, NAVIGATION
 from nav_jax.filter.status import Status
 from nav_jax.simulation._dataset import RUNS_KIND, dataset_to_fields, runs_to_dataset
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@saved(not_finite=ESTIMATES)
 @dataclass(frozen=True, eq=False)
 class Track(Estimates):
     """One whole run at every epoch of the IMU: NED in m and m/s, quaternion from body to NED.
@@ -34,8 +35,9 @@ class Track(Estimates):
     before: Estimates
 
 
+@saved(not_finite=("error", "sd", "position_covariance", "nees", "nis", "innovation"))
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Runs(Drawable):
+class Runs(Drawable, AsDataset):
     """The runs of one filter along one reference: R runs, E epochs.
 
     Attributes
@@ -80,6 +82,8 @@ class Runs(Drawable):
     ValueError
         Shapes that do not match, times that do not increase, NaN in a run that is ok, or negative sd.
     """
+
+    dataset_kind: ClassVar[str] = RUNS_KIND
 
     name: str
     time: Float64[np.ndarray, " E"]
@@ -183,21 +187,6 @@ class Runs(Drawable):
         import_xarray("pandas")
         both = self.to_xarray()[["error", "sd"]].drop_vars(["model", "unit"])
         return both.to_dataframe().unstack("component")[["error", "sd"]]  # type: ignore[return-value]
-
-    def save(self, path: str | os.PathLike) -> Path:
-        """Write to a folder ``*.zarr`` or a file ``*.nc``, whole or not at all.
-
-        Parameters
-        ----------
-        path
-            A former result there is replaced.
-        """
-        return write_dataset(self.to_xarray(), path)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike) -> "Runs":
-        """Read what `save` wrote; a ValueError if it is corrupt or something else."""
-        return cls.from_xarray(read_dataset(path, RUNS_KIND))
 
     # -- for a reader -----------------------------------------------------------------------------------------------
 

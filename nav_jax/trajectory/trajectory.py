@@ -9,6 +9,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from gmwm_jax._internal.checks import increasing, number, real_array, require_x64, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from nav_jax.kinematics import rotation
@@ -28,6 +29,7 @@ _ON_GRID = 1e-6
 """Fraction of a sample by which a time may miss the grid: what rounding to microseconds leaves."""
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Drawable):
     """Position, velocity and attitude at N + 1 epochs. Build it with `from_euler`, a reader or a generator.

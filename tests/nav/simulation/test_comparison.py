@@ -13,7 +13,6 @@ from nav.synthetic import make_runs, make_track, with_failures
 
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.ranking import Standing, _judge, _round, _with_se, common_runs
-from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
 
 N = 60
@@ -340,10 +339,6 @@ def test_xarray_itself_may_write(uneven, tmp_path):
         assert_same(Comparison.load(tmp_path / f"{name}.zarr")["b"], uneven["b"])
 
 
-def test_runs_and_comparisons_are_told_apart(uneven, tmp_path):
-    with pytest.raises(ValueError, match="holds 'nav_jax comparison', and 'nav_jax runs' is wanted"):
-        Runs.load(uneven.save(tmp_path / "c.nc"))
-    with pytest.raises(ValueError, match="holds 'nav_jax runs', and 'nav_jax comparison' is wanted"):
-        Comparison.load(uneven["b"].save(tmp_path / "r.nc"))
+def test_a_dataset_of_runs_is_no_comparison(uneven):
     with pytest.raises(ValueError, match="not one that Comparison"):
         Comparison.from_xarray(uneven["b"].to_xarray())

@@ -306,13 +306,13 @@ def test_a_folder_whose_chunk_is_rubbish(runs, tmp_path):
     ("make", "error", "complaint"),
     [
         (lambda p: p / "none.nc", FileNotFoundError, "There is no"),
-        (lambda p: p / "runs.csv", ValueError, "Results are .zarr folders or .nc files"),
+        (lambda p: p / "runs.csv", ValueError, r"Results are \.npz, \.json or \.nc files"),
         (lambda p: text(p / "text.nc"), ValueError, "cannot be read as h5netcdf"),
         (lambda p: (p / "empty.zarr").mkdir() or p / "empty.zarr", ValueError, "cannot be read as zarr"),
-        (lambda p: foreign(p / "foreign.nc"), ValueError, "holds nothing of nav_jax, and 'nav_jax runs' is wanted"),
-        (lambda p: foreign(p / "f.nc", kind="nav_jax comparison"), ValueError, "holds 'nav_jax comparison'"),
+        (lambda p: foreign(p / "foreign.nc"), ValueError, "was not saved by gmwm_jax or nav_jax. It has temperature"),
+        (lambda p: foreign(p / "f.nc", kind="nav_jax comparison"), ValueError, "is not one that Comparison"),
         (lambda p: foreign(p / "f.nc", kind="nav_jax runs"), ValueError, "is not one that to_xarray made"),
-        (lambda p: foreign(p / "f.nc", kind="nav_jax runs", format=99), ValueError, "by a newer nav_jax"),
+        (lambda p: foreign(p / "f.nc", kind="nav_jax runs", format=99), ValueError, "by a newer version"),
     ],
 )
 def test_something_else(tmp_path, make, error, complaint):
