@@ -308,7 +308,7 @@ def _meeting(nu: np.ndarray, white: np.ndarray, possible: np.ndarray) -> tuple[i
     first = int(np.argmax(possible))
     above = np.flatnonzero(possible & (nu >= white))
     if not len(above):
-        return len(nu) - 1, "the longest of the scales: the bias is below the white noise at all"
+        return len(nu) - 1, "the longest of the scales: the bias stays below the white noise"
     if above[0] == first:
-        return first, "the shortest of the scales: the bias is above the white noise from there on"
+        return first, "the shortest of the scales: the bias is above the white noise already there"
     return int(above[0]), "where the bias comes to the white noise"
