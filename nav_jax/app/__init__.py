@@ -45,28 +45,38 @@ nav-jax budget comparison.toml --filter "WN only" --out results
 nav-jax design comparison.toml --max-accel 1 --max-gyro 1 --confirm 1000 --out results
 ```
 
-Noise parameters are tuned by recorded navigation data, `nav-jax tune record.toml --out results`:
+A recorded drive is navigated by `nav-jax navigate drive.toml --out results --save track.kml` (or .gpx, .csv), and the
+noise parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out results`:
 
 ```toml
 [record]
 imu = "imu.csv" # columns time, gyro_x .. gyro_z, accel_x .. accel_z; or columns = { gyro_x = "wx", ... }
 units = { gyro = "deg/s", accel = "g" }
-velocity = ["10 m/s", 0, 0] # at the start, north, east, down
-attitude = [0, 0, "90 deg"] # roll, pitch, yaw
-origin = ["45 deg", "7 deg", "100 m"] # where fixes are latitude, longitude, height
+rate = "100 Hz"
+mounting = [0, "-6.7 deg", "5 deg"] # roll, pitch, yaw of the IMU in the vehicle
+time_offset = "0.3 s" # by which the clock of the IMU is ahead of that of the fixes
+# without velocity and attitude, the drive starts when its course tells where the vehicle heads
 
-[filters.static] # where the search starts
+[filters.static] # what the filter believes, and where the search starts
 fit = "fit.json"
 
 [[aiding]]
 type = "gnss_position"
-file = "gnss.csv" # on the clock of the IMU
-angles = "deg"
-horizontal = "1 m"
-vertical = "2 m"
+file = "drive.pos" # RTKLIB, NMEA, GPX, or format = "kf-gins"; or a table with the names of its columns
+exclude = ["single"] # qualities that are not used
+outages = [[160000, 160030]] # these fixes are kept from the filter, and compared with it
+# horizontal = "1 m" and vertical = "2 m" in place of the file's standard deviations, or sd_factor = 2
+
+[[aiding]]
+type = "gnss_velocity"
+file = "drive.pos"
 
 [initial]
+position_sd = "0.1 m"
 velocity_sd = "0.1 m/s"
-attitude_sd = "1 deg"
+attitude_sd = ["2 deg", "2 deg", "5 deg"]
+
+[reference] # if there is one
+file = "reference.csv"
 ```
 """

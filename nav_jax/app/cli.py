@@ -1,4 +1,4 @@
-"""The command line: ``nav-jax run | compare | budget | design | tune | demo``.
+"""The command line: ``nav-jax run | compare | budget | design | navigate | tune | demo``.
 
 A leaf: a configuration in, tables and files out.
 """
@@ -20,7 +20,15 @@ from gmwm_jax._internal.overwriting import refuse_overwriting
 from nav_jax.app.comparison_file import Config, named_files, read_config
 from nav_jax.app.demo import run_demo
 from nav_jax.app.record_file import read_record
-from nav_jax.app.reports import COMPARISON, Report, budget_report, comparison_report, design_report, tuning_report
+from nav_jax.app.reports import (
+    COMPARISON,
+    Report,
+    budget_report,
+    comparison_report,
+    design_report,
+    navigation_report,
+    tuning_report,
+)
 from nav_jax.app.sections import FolderSection
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.lincov.analysis import analyse
@@ -29,6 +37,10 @@ from nav_jax.lincov.derivatives import sensitivities
 from nav_jax.lincov.filter_design import OBJECTIVES
 from nav_jax.lincov.filter_design import design as design_filters
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.trajectory.maps import MAPS
+
+TRACKS = (".csv", ".npz", *MAPS)
+"""Suffixes of files of estimates."""
 
 app = typer.Typer(
     help="What the noise model of an inertial sensor does to navigation (INS/GNSS filters, simulated and analysed).",
@@ -59,7 +71,14 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
     return app.command()(run)
 
 
-_STEMS = {"run": COMPARISON, "compare": COMPARISON, "budget": "budget", "design": "design", "tune": "tuning"}
+_STEMS = {
+    "run": COMPARISON,
+    "compare": COMPARISON,
+    "budget": "budget",
+    "design": "design",
+    "tune": "tuning",
+    "navigate": "navigation",
+}
 """Command -> stem of the files of its report."""
 
 
@@ -203,9 +222,40 @@ def design(
         raise KeyboardInterrupt("Interrupted: the larger structures are missing.")
 
 
+Record = Annotated[Path, typer.Argument(metavar="RECORD.toml", help="Record, filters, aiding with files, start.")]
+Track = Annotated[Path | None, typer.Option("--save", help="The estimates: .csv, .npz, .kml or .gpx.")]
+
+
+@_command
+def navigate(
+    config: Record,
+    filter_name: Filter = None,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+    save: Track = None,
+) -> None:
+    """Navigate by recorded sensors: the track, innovations, errors in simulated outages and against a reference."""
+    if save is not None and save.suffix.lower() not in TRACKS:
+        raise typer.BadParameter(f"estimates are saved as {', '.join(TRACKS)}, not {str(save)!r}")
+    known = read_record(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    target = config.parent / known.output.save if save is None and known.output.save is not None else save
+    is_map = target is not None and target.suffix.lower() in MAPS
+    if is_map and known.origin is None:
+        raise ValueError(f"Nobody knows where the record lies: state origin in [record] to save {target}.")
+    _say(f"Navigation by {name} ...")
+    solution = known.navigate(name)
+    to_screen = _give(navigation_report(name, solution, known.notes), json_file, folder, plot=plot)
+    if target is not None:
+        saved = solution.save(target, origin=known.origin, start=known.utc)
+        typer.echo(f"Saved as {saved}", err=to_screen)
+
+
 @_command
 def tune(
-    config: Annotated[Path, typer.Argument(metavar="RECORD.toml", help="Record, filters, aiding with files, start.")],
+    config: Record,
     filter_name: Filter = None,
     tune_aiding: Annotated[bool, typer.Option("--tune-aiding", help="Seek the noise of the aiding too.")] = False,
     hold: Annotated[list[str] | None, typer.Option(help="A parameter that is not sought; may be repeated.")] = None,

@@ -1,13 +1,14 @@
-"""Recorded navigation data and the models to start from, written as a TOML file: what ``nav-jax tune`` reads.
+"""Recorded navigation data and models written as a TOML file: what ``nav-jax navigate`` and ``nav-jax tune`` read.
 
-Sections: ``[record]`` (the IMU, and where the record starts), ``[filters.NAME]`` (models, as in a comparison),
-``[[aiding]]`` (sensors with the file of their fixes), ``[initial]`` (how well the start is known), ``[run]``,
-``[output]``. Files that they name are looked for beside the configuration.
+Sections: ``[record]`` (the IMU, its mounting, and where the record starts), ``[filters.NAME]`` (models, as in a
+comparison), ``[[aiding]]`` (sensors with the file of their fixes), ``[initial]`` (how well the start is known),
+``[reference]`` (a trajectory to be compared with), ``[run]``, ``[output]``. Files that they name are looked for beside
+the configuration.
 """
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,8 +17,10 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import Field, create_model
 
+from gmwm_jax._internal.tabular import Reading, open_source
 from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.aiding.fixes import Fixes
+from nav_jax.aiding.gnss import AbstractNed, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
 from nav_jax.app.sections import (
     AIDING,
@@ -30,23 +33,43 @@ from nav_jax.app.sections import (
     Length,
     Section,
     Speed,
+    Time,
 )
 from nav_jax.filter.initial import InitialUncertainty
-from nav_jax.filter.scenario import EVERY
+from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.recorded.alignment import Start, align_by_course, between, mounted
 from nav_jax.recorded.files import read_fixes, read_imu
+from nav_jax.recorded.gnss.reading import read_gnss
+from nav_jax.recorded.gnss.record import GnssRecord
+from nav_jax.recorded.gnss.registry import FORMATS
+from nav_jax.recorded.navigation import Navigation, navigate
 from nav_jax.recorded.tuning import Tuning, tune
+from nav_jax.trajectory.columns import choose
+from nav_jax.trajectory.files import read_trajectory
+from nav_jax.trajectory.trajectory import Trajectory
 
-_SECTIONS = ("record", "filters", "aiding", "initial", "run", "output")
+_SECTIONS = ("record", "filters", "aiding", "initial", "reference", "run", "output")
+
+_IMU_READ = ("units", "rate", "columns", "time_unit", "delimiter", "header", "variable")
+_FIXES_READ = ("angles", "columns", "time_unit", "delimiter", "header", "variable")
+_GNSS_READ = ("format", "clock", "date", "week")
+_GNSS_MAKE = ("sd_factor", "correlated")
+"""Keys that are arguments of `read_imu`, `read_fixes`, `read_gnss`, and of the fixes made of a `GnssRecord`."""
 
 Columns = dict[str, int | str]
+Three = Field(strict=False)
 
 
 class RecordSection(Section):
-    """``imu = ...``: arguments of `read_imu`; the start, NED; the origin, where positions are geodetic."""
+    """``imu = ...``: arguments of `read_imu`, how the IMU is mounted, and where and when the record starts.
+
+    Without an attitude the record starts when the vehicle is fast enough that its course tells it, with position and
+    velocity of the fixes.
+    """
 
     imu: str
     units: dict[Literal["gyro", "accel"], str] | None = None
@@ -56,17 +79,30 @@ class RecordSection(Section):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
-    position: Annotated[tuple[Length, Length, Length], Field(strict=False)] = (0.0, 0.0, 0.0)
-    velocity: Annotated[tuple[Speed, Speed, Speed], Field(strict=False)]
-    attitude: Annotated[tuple[Angle, Angle, Angle], Field(strict=False)]
-    origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
+    mounting: Annotated[tuple[Angle, Angle, Angle], Three] | None = None
+    start: Time | None = None
+    end: Time | None = None
+    time_offset: Time = 0.0
+    position: Annotated[tuple[Length, Length, Length], Three] | None = None
+    velocity: Annotated[tuple[Speed, Speed, Speed], Three] | None = None
+    attitude: Annotated[tuple[Angle, Angle, Angle], Three] | None = None
+    course_speed: Speed | None = None
+    origin: Annotated[tuple[Angle, Angle, Length], Three] | None = None
 
-    def build(self, folder: Path) -> Imu:  # noqa: D102
-        return read_imu(folder / self.imu, **self.given("imu", "position", "velocity", "attitude", "origin"))
+    def build(self, folder: Path) -> Imu:
+        """Along the axes of the body, from start to end."""
+        if self.attitude is not None and self.course_speed is not None:
+            raise ValueError("course_speed is for a start without an attitude, and there is one.")
+        if self.attitude is not None and self.velocity is None:
+            raise ValueError("With an attitude there must be a velocity; without both, the fixes tell them.")
+        how = {k: getattr(self, k) for k in _IMU_READ if k in self.model_fields_set}
+        imu = read_imu(folder / self.imu, **how)
+        imu = imu if self.mounting is None else mounted(imu, self.mounting)
+        return imu if self.start is None and self.end is None else between(imu, self.start, self.end)
 
 
 class FixesSection(Aiding):
-    """``file = ...``: arguments of `read_fixes`."""
+    """``file = ...``: arguments of `read_fixes`; of a GNSS receiver's file those of `read_gnss` and `GnssRecord`."""
 
     file: str
     angles: str | None = None
@@ -75,26 +111,100 @@ class FixesSection(Aiding):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    format: str | None = None
+    clock: str | None = None
+    date: str | None = None
+    week: int | None = None
+    exclude: list[int | str] = Field(default_factory=list)
+    sd_factor: float | None = None
+    correlated: bool | None = None
+    time_offset: Time = 0.0
 
-    def read(self, folder: Path, origin: Sequence[float] | None) -> Fixes:  # noqa: D102
+    def is_gnss_file(self) -> bool:
+        """Is it a file of a receiver, rather than a table of a sensor's values?"""
+        if not issubclass(self.sensor, AbstractNed):
+            return False
+        asked = {*_GNSS_READ, *_GNSS_MAKE, "exclude"} & self.model_fields_set
+        known = any(Path(self.file).suffix.lower() in f.suffixes for f in FORMATS.values())
+        return bool(asked) or known or not {"horizontal", "vertical"} <= self.model_fields_set
+
+    def read(self, folder: Path, origin: Sequence[float] | None) -> tuple[Fixes, GnssRecord | None]:
+        """The fixes, on the clock of the file plus the offset, and the record of a receiver that they are from."""
         if self.model_fields_set & {"rate", "first"}:
             raise ValueError("rate and first follow from the times of the file: leave them out.")
-        how = ("angles", "columns", "time_unit", "delimiter", "header", "variable")
-        sensor = self.sensor(**self.given("type", "file", *how))  # type: ignore[call-arg]
-        options = {k: getattr(self, k) for k in how if k in self.model_fields_set}
-        return read_fixes(folder / self.file, sensor, origin=origin, **options)
+        how = {k: getattr(self, k) for k in _FIXES_READ if k in self.model_fields_set}
+        if self.is_gnss_file():
+            return self._of_receiver(folder, origin, how)
+        if wrong := sorted(self.model_fields_set & {*_GNSS_READ, *_GNSS_MAKE, "exclude"}):
+            raise ValueError(f"{wrong[0]} is for files of GNSS receivers, and this is a {self.type}.")
+        options = ("type", "file", "exclude", "time_offset", *_FIXES_READ, *_GNSS_READ, *_GNSS_MAKE)
+        sensor = self.sensor(**self.given(*options))  # type: ignore[call-arg]
+        return read_fixes(folder / self.file, sensor, origin=origin, **how), None
+
+    def _of_receiver(
+        self, folder: Path, origin: Sequence[float] | None, how: dict[str, Any]
+    ) -> tuple[Fixes, GnssRecord]:
+        if "believed" in self.model_fields_set:
+            raise ValueError("believed: what the filter believes of recorded fixes is horizontal and vertical.")
+        how |= {k: getattr(self, k) for k in _GNSS_READ if k in self.model_fields_set}
+        record = read_gnss(folder / self.file, origin=origin, **how)
+        record = record.without(*self.exclude) if self.exclude else record
+        own = ("horizontal", "vertical", *_GNSS_MAKE, "lever_arm", "outages", "name")
+        options = {k: getattr(self, k) for k in own if k in self.model_fields_set}
+        make = record.position_fixes if issubclass(self.sensor, GnssPosition) else record.velocity_fixes
+        return make(**options), record
 
 
-FIXES: dict[str, Any] = {
-    kind: create_model(f"fixes_{kind}", __base__=(FixesSection, section)) for kind, section in AIDING.items()
-}
+def _fixes_section(kind: str, section: type[Aiding]) -> Any:
+    """The section of a sensor with the file of its fixes; the noise of a receiver may stand in its file."""
+    stated: dict[str, Any] = {
+        name: (Annotated[field.annotation, *field.metadata], None)
+        for name, field in section.model_fields.items()
+        if field.is_required() and name != "type" and issubclass(section.sensor, AbstractNed)
+    }
+    return create_model(f"fixes_{kind}", __base__=(FixesSection, section), **stated)
+
+
+FIXES: dict[str, Any] = {kind: _fixes_section(kind, section) for kind, section in AIDING.items()}
+
+
+class ReferenceSection(Section):
+    """``file = ...``: a trajectory to be compared with; arguments of `read_trajectory`."""
+
+    file: str
+    position: Literal["ned", "geodetic"] | None = None
+    angles: str | dict[str, str] | None = None
+    columns: list[int | str] | Columns | None = None
+    time_unit: str | None = None
+    delimiter: str | None = None
+    header: int | None = None
+    variable: str | None = None
+    time_offset: Time = 0.0
+
+    def read(self, folder: Path, origin: np.ndarray | None) -> Trajectory:
+        """In the frame and on the clock of the record."""
+        how = self.given("file", "time_offset")
+        table = open_source(folder / self.file, Reading(self.delimiter, self.header, self.variable))
+        if choose(table, self.position, self.columns)[0] == "geodetic":
+            how["origin"] = origin
+        found = read_trajectory(folder / self.file, **how)
+        time = found.time + self.time_offset
+        return Trajectory(time, found.position, found.velocity, found.quaternion, found.name)
 
 
 class RecordRunSection(Section):
-    """Arguments of `nav_jax.tune`."""
+    """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes output_interval and smooth."""
 
     every: Annotated[int, Field(ge=1)] = EVERY
     gravity: Acceleration = STANDARD_GRAVITY
+    output_interval: Time = OUTPUT_INTERVAL
+    smooth: bool = False
+
+
+class RecordOutputSection(FolderSection):
+    """The same, and a file of the estimates."""
+
+    save: str | None = None
 
 
 @dataclass(frozen=True)
@@ -104,9 +214,17 @@ class RecordConfig:
     Attributes
     ----------
     imu, aiding, position, velocity, quaternion, initial
-        Arguments of `nav_jax.tune`.
+        Arguments of `nav_jax.tune` and `nav_jax.navigate`.
     filters
-        Models to start from.
+        Models, of which one is used.
+    reference
+        Argument of `nav_jax.navigate`, if there is one.
+    origin
+        Latitude, longitude (rad), height (m) of the origin of n, if it is known.
+    utc
+        UTC at time zero, if it is known.
+    notes
+        What a reader of the results should know of the record.
     run, output
         Sections of these names.
     """
@@ -118,23 +236,31 @@ class RecordConfig:
     velocity: Float64[np.ndarray, "3"]
     quaternion: Float64[np.ndarray, "4"]
     initial: InitialUncertainty
+    reference: Trajectory | None
+    origin: np.ndarray | None
+    utc: np.datetime64 | None
+    notes: tuple[str, ...]
     run: RecordRunSection
-    output: FolderSection
+    output: RecordOutputSection
 
     def tune(self, name: str, **options: Any) -> Tuning:
         """Tune a filter of this name; options as of `nav_jax.tune`."""
-        return tune(
-            self.imu,
-            self.aiding,
-            self.filters[name],
-            position=self.position,
-            velocity=self.velocity,
-            quaternion=self.quaternion,
-            initial=self.initial,
-            every=self.run.every,
-            earth=FlatEarth(self.run.gravity),
-            **options,
-        )
+        return tune(self.imu, self.aiding, self.filters[name], **self._start(), **options)
+
+    def navigate(self, name: str) -> Navigation:
+        """Navigate by a filter of this name."""
+        options = {"output_interval": self.run.output_interval, "smooth": self.run.smooth, "reference": self.reference}
+        return navigate(self.imu, self.aiding, self.filters[name], **self._start(), **options)
+
+    def _start(self) -> dict[str, Any]:
+        return {
+            "position": self.position,
+            "velocity": self.velocity,
+            "quaternion": self.quaternion,
+            "initial": self.initial,
+            "every": self.run.every,
+            "earth": FlatEarth(self.run.gravity),
+        }
 
 
 def read_record(path: str | os.PathLike[str]) -> RecordConfig:
@@ -151,16 +277,17 @@ def read_record(path: str | os.PathLike[str]) -> RecordConfig:
 
 
 def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
-    check_sections(tables, _SECTIONS, ("record", "filters", "aiding", "initial"))
+    check_sections(tables, _SECTIONS, ("record", "filters", "initial"))
     # all sections are checked before the first file is read
     run = checked(RecordRunSection, tables.get("run", {}), "[run]")
-    output = checked(FolderSection, tables.get("output", {}), "[output]")
+    output = checked(RecordOutputSection, tables.get("output", {}), "[output]")
     start = checked(InitialSection, tables["initial"], "[initial]")
     record = checked(RecordSection, tables["record"], "[record]")
+    compared = checked(ReferenceSection, tables["reference"], "[reference]") if "reference" in tables else None
     believed = filter_sections(tables["filters"])
-    listed = aiding_sections(tables["aiding"], FIXES)
+    listed = aiding_sections(tables.get("aiding", []), FIXES)
 
-    known, fixes = {}, []
+    known = {}
     for name, section in believed.items():
         with place(f"[filters.{name}]"):
             if section is None:
@@ -168,12 +295,78 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
             known[name] = section.build(folder)
     with place("[record]"):
         imu = record.build(folder)
-    for i, section in enumerate(listed):
-        with place(f"[[aiding]] {i + 1}"):
-            fixes.append(section.read(folder, record.origin))
+    read = _Fixes(record, listed, folder)
+    with place("[record]"):
+        imu, begin = _start(record, imu, read, run.gravity)
+    fixes, notes = _within(read, imu)
     with place("[initial]"):
         initial = InitialUncertainty(**start.given())
-    quaternion = np.asarray(rotation.quat_from_euler(jnp.array(record.attitude)))
+    reference = None
+    if compared is not None:
+        with place("[reference]"):
+            reference = compared.read(folder, read.origin)
+    utc = next((r.utc for r in read.records if r is not None and r.utc is not None), None)
     return RecordConfig(
-        imu, fixes, known, np.array(record.position), np.array(record.velocity), quaternion, initial, run, output
-    )
+        imu, fixes, known, begin.position, begin.velocity, begin.quaternion, initial, reference, read.origin, utc,
+        notes, run, output,
+    )  # fmt: skip
+
+
+class _Fixes:
+    """What the sections of aiding read, on the clock of the IMU."""
+
+    def __init__(self, record: RecordSection, listed: Sequence[FixesSection], folder: Path):
+        self.origin = None if record.origin is None else np.array(record.origin)
+        self.fixes: list[Fixes] = []
+        self.records: list[GnssRecord | None] = []
+        for i, section in enumerate(listed):
+            with place(f"[[aiding]] {i + 1}"):
+                fixes, gnss = section.read(folder, None if self.origin is None else tuple(self.origin))
+                if self.origin is None and gnss is not None:
+                    self.origin = gnss.origin
+                offset = record.time_offset + section.time_offset
+                self.fixes.append(replace(fixes, time=fixes.time + offset))
+                self.records.append(None if gnss is None else gnss.shifted(offset))
+
+
+def _start(record: RecordSection, imu: Imu, read: _Fixes, gravity: float) -> tuple[Imu, Start]:
+    """The record from where it starts, and what is known there."""
+    time = float(imu.time[0])
+    if record.attitude is not None and record.velocity is not None:
+        quaternion = np.asarray(rotation.quat_from_euler(jnp.array(record.attitude)))
+        position = np.zeros(3) if record.position is None else np.array(record.position)
+        return imu, Start(time, position, np.array(record.velocity), quaternion)
+    gnss = next((r for r in read.records if r is not None), None)
+    if gnss is None:
+        raise ValueError(
+            "the keys 'velocity' and 'attitude' are missing, and no file of a GNSS receiver in [[aiding]] tells where "
+            "the vehicle heads."
+        )
+    speed = {} if record.course_speed is None else {"speed": record.course_speed}
+    begin = align_by_course(imu, gnss, gravity=gravity, **speed)
+    position = begin.position if record.position is None else np.array(record.position)
+    velocity = begin.velocity if record.velocity is None else np.array(record.velocity)
+    arm = next((f.sensor.lever_arm for f in read.fixes if isinstance(f.sensor, AbstractNed)), None)
+    if arm is not None and record.position is None:  # fixes are those of the antenna
+        q = jnp.asarray(begin.quaternion)[:, None]
+        position = position - np.asarray(rotation.rotate(q, jnp.asarray(arm)[:, None]))[:, 0]
+    return between(imu, begin.time), replace(begin, position=position, velocity=velocity)
+
+
+def _within(read: _Fixes, imu: Imu) -> tuple[list[Fixes], tuple[str, ...]]:
+    """The fixes while the IMU is there, and how many are left out."""
+    kept, notes = [], []
+    first, last = imu.epochs[0], imu.epochs[-1]
+    for i, fixes in enumerate(read.fixes):
+        inside = (fixes.time >= first) & (fixes.time <= last)
+        with place(f"[[aiding]] {i + 1}"):
+            if not inside.any():
+                raise ValueError(
+                    f"none of the {len(inside)} fixes, of {fixes.time[0]:.10g} to {fixes.time[-1]:.10g} s, lies in the "
+                    f"record of {first:.10g} to {last:.10g} s: state clock of the fixes or time_offset of [record]."
+                )
+            covariance = None if fixes.covariance is None else fixes.covariance[inside]
+            kept.append(Fixes(fixes.sensor, fixes.time[inside], fixes.value[inside], covariance))
+        if not inside.all():
+            notes.append(f"{fixes.sensor.name}: {inside.sum()} of {len(inside)} fixes lie in the record.")
+    return kept, tuple(notes)

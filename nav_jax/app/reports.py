@@ -5,7 +5,7 @@ One function for each kind of result makes a `Report`, and the report prints and
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +14,8 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
-from nav_jax.filter.layout import QUANTITIES
+from nav_jax.filter.layout import JUDGED, QUANTITIES
+from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.lincov.analysis import Analysis, Covariances
@@ -22,8 +23,10 @@ from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
 from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis
+from nav_jax.plotting.navigation import plot_innovations, plot_sensor_estimates, plot_withheld
 from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
 from nav_jax.plotting.trajectory import plot_trajectory
+from nav_jax.recorded.navigation import Navigation
 from nav_jax.recorded.tuning import Tuning
 from nav_jax.simulation.comparison import Comparison
 
@@ -188,6 +191,40 @@ def tuning_report(tuning: Tuning) -> Report:
         "filter": _keys(tuning.errors),
     }
     return Report("tuning", f"{tuning!r}\n\n{section}", content, {"tuning.png": tuning.plot}, section)
+
+
+def navigation_report(name: str, navigation: Navigation, notes: Sequence[str]) -> Report:
+    """Where a drive went and how well: innovations, simulated outages, errors against a reference."""
+    ends = {sensor: w.rows() for sensor, w in navigation.withheld.items()}
+    errors = navigation.errors
+    content = {
+        "filter": name,
+        "status": navigation.status.name,
+        "start": float(navigation.time[0]),
+        "end": float(navigation.time[-1]),
+        "notes": list(notes),
+        "sd_at_end": dict(zip(JUDGED.components, navigation.sd[-1].tolist(), strict=True)),
+        "sensor_errors_at_end": dict(zip(CHANNELS, navigation.sensor_errors[-1].tolist(), strict=True)),
+        "nis": {
+            sensor: {"mean": float(nis.mean()), "num_fixes": len(nis), "dof": navigation.innovation[sensor].shape[1]}
+            for sensor, nis in navigation.nis.items()
+        },
+        "outages": ends,
+        "reference": None
+        if errors is None
+        else {
+            quantity: {"rms": rms, "claimed": claimed, "unit": unit}
+            for quantity, (rms, claimed, unit) in errors.rms().items()
+        },
+    }
+    figures: dict[str, Callable[[], Figure]] = {"track.png": navigation.plot}
+    if navigation.fixes:
+        figures["innovations.png"] = lambda: plot_innovations(navigation)
+    figures["sensors.png"] = lambda: plot_sensor_estimates(navigation)
+    if ends:
+        figures["outages.png"] = lambda: plot_withheld(navigation)
+    text = "\n".join([f"{name}: {navigation!r}", *(["", *notes] if notes else [])])
+    return Report("navigation", text, content, figures)
 
 
 def filter_section(name: str, errors: ImuErrors, comment: str) -> str:

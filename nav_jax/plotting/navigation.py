@@ -1,13 +1,10 @@
 """Figures of a navigation solution on recorded sensors: track, innovations, sensor states, simulated outages."""
 
-from collections.abc import Sequence
-
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import erfc
 
-from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Item, Line, Points
+from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Item, Line, Mark, Points
 from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import GnssPosition
@@ -145,7 +142,7 @@ def plot_navigation(navigation: Navigation, *, sigmas: float = 3.0, axes: GivenA
 
 
 def innovations_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Frame, ...]:
-    """Return what `plot_innovations` shows: of each sensor in a row its components.
+    """Return what `plot_innovations` shows: innovations of each component over what the filter says of them.
 
     Parameters
     ----------
@@ -172,21 +169,13 @@ def innovations_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Fr
         name = fixes.sensor.name
         time, nu, sd = fixes.time[fixes.given], navigation.innovation[name], navigation.innovation_sd[name]
         for k, axis in enumerate(fixes.sensor.axes):
-            share = np.mean(np.abs(nu[:, k]) > sigmas * sd[:, k])
-            rms = np.sqrt(np.mean((nu[:, k] / sd[:, k]) ** 2))
-            shown.append(
-                Frame(
-                    f"{name} {axis}: rms {rms:.2f} of 1, outside {100 * share:.1f} % of {_outside(sigmas):.1f} %",
-                    TIME,
-                    Axis("innovation", fixes.sensor.unit),
-                    (
-                        Points("innovation", time, nu[:, k]),
-                        Line(f"±{sigmas:g} sd of the filter", time, -sigmas * sd[:, k]),
-                        Line("", time, sigmas * sd[:, k]),
-                        *outage_items(fixes.sensor.outages),
-                    ),
-                )
-            )
+            ratio = nu[:, k] / sd[:, k]
+            rms, share = np.sqrt(np.mean(ratio**2)), 100 * np.mean(np.abs(ratio) > sigmas)
+            size = f"sd {np.median(sd[:, k]):.2g} {fixes.sensor.unit} in the median"
+            title = f"{name} {axis}: {size}\nrms {rms:.2f} of 1, outside {share:.1f} % of {_outside(sigmas):.1f} %"
+            bounds = (Mark(f"±{sigmas:g} sd", sigmas, "y"), Mark("", -sigmas, "y"))
+            items = (Points("innovation", time, ratio), *bounds, *outage_items(fixes.sensor.outages))
+            shown.append(Frame(title, TIME, Axis("innovation / its sd", ""), items))
     return tuple(shown)
 
 
@@ -196,7 +185,7 @@ def _outside(sigmas: float) -> float:
 
 
 def plot_innovations(navigation: Navigation, *, sigmas: float = 3.0, axes: GivenAxes | None = None) -> Figure:
-    """Plot the innovations of all sensors with the bounds of the filter, and how large they are and should be.
+    """Plot the innovations of all sensors over what the filter says of them, and how large they are and should be.
 
     Parameters
     ----------
@@ -232,19 +221,10 @@ def plot_innovations(navigation: Navigation, *, sigmas: float = 3.0, axes: Given
         for bound in bounds:
             put(ax, bound, color=_BOUND, lw=1.1)
         describe(ax, frame, fontsize=9)
-        _hold(ax, [b.y for b in bounds if isinstance(b, Line)], points)
         along_time(ax, frame)
     entries = entries_of(*drawn)
     shared_legend(figure, drawn, entries, alone=axes is None, loc="outside lower center", ncols=3, fontsize=8)
     return figure
-
-
-def _hold(ax: Axes, bounds: Sequence[np.ndarray], points: Item) -> None:
-    """Show the bounds after the first of them, which are those of the start, and all points."""
-    assert isinstance(points, Points)
-    late = [b[len(b) // 20 :] for b in bounds]
-    limit = max([1e-300, *(np.abs(b).max(initial=0.0) for b in late), np.abs(points.y).max(initial=0.0)])
-    ax.set_ylim(-1.15 * limit, 1.15 * limit)
 
 
 def sensor_estimates_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Frame, ...]:

@@ -25,6 +25,9 @@ likely, with standard errors, and marks what the drive does not show. ``smooth=T
 smoother.
 """  # noqa: E501
 
+from nav_jax.recorded.alignment import align_by_course as align_by_course
+from nav_jax.recorded.alignment import between as between
+from nav_jax.recorded.alignment import mounted as mounted
 from nav_jax.recorded.files import read_fixes as read_fixes
 from nav_jax.recorded.files import read_imu as read_imu
 from nav_jax.recorded.gnss.reading import read_gnss as read_gnss

@@ -16,6 +16,9 @@ from nav_jax.aiding.registry import AIDING
 from nav_jax.imu.imu import Imu
 from nav_jax.trajectory.columns import ACCEL, GYRO, Reader, pick
 
+_EVEN = 0.01
+"""Fraction by which steps of time may differ: those of an Imu."""
+
 
 def read_imu(
     source: Any,
@@ -42,7 +45,8 @@ def read_imu(
         ``{"gyro": "rad/s", "accel": "m/s^2"}``; of gyros also ``deg/s`` and ``deg/h``, of accelerometers ``g`` and
         ``mg``. Needed unless the names say it.
     rate
-        Hz; from the times unless given.
+        Hz; from the times unless given. Stamps that are rounded (to milliseconds, say) or late now and then are
+        replaced by the line through them, where no sample is missing.
     columns
         Columns that are not found by their names, as in ``{"gyro_x": "wx"}``, by name or number.
     time_unit
@@ -83,6 +87,7 @@ def read_imu(
         increasing("The time of an IMU", time)
         gyro = read.sensor(GYRO, stated.get("gyro"), 'units={"gyro": ...}')
         accel = read.sensor(ACCEL, stated.get("accel"), 'units={"accel": ...}')
+        time = _at_even_steps(time)
         return Imu(time, gyro, accel, float((len(time) - 1) / (time[-1] - time[0])) if rate is None else rate)
     except ValueError as error:
         raise _of_file(error, source) from error
@@ -156,6 +161,21 @@ def _seconds(read: Reader) -> np.ndarray:
     if read.values["time"].dtype.kind in "mM":
         raise ValueError("Timestamps of several files have no common zero: convert them to seconds on one clock.")
     return read.time()
+
+
+def _at_even_steps(time: np.ndarray) -> np.ndarray:
+    """Stamps that are rounded or late now and then, of samples of which none is missing: the line through them.
+
+    Those that are even already stay as they are, and so do those with a gap, which the IMU refuses.
+    """
+    index = np.arange(len(time), dtype=float)
+    steps = np.diff(time)
+    usual = np.median(steps) if len(steps) < 3 else (time[-1] - time[0]) / (len(time) - 1)
+    if np.abs(steps / usual - 1).max(initial=0.0) < _EVEN or (np.rint(steps / usual) != 1).any():
+        return time
+    slope, intercept = np.polyfit(index - index.mean(), time - time.mean(), 1)
+    line = time.mean() + intercept + slope * (index - index.mean())
+    return line if np.abs(time - line).max() < slope else time
 
 
 def _of_file(error: ValueError, source: Any) -> ValueError:

@@ -21,7 +21,7 @@ from nav_jax.kinematics.earth import (
 from nav_jax.recorded.gnss.raw import Asked, RawFixes, turned
 from nav_jax.recorded.gnss.record import GnssRecord
 from nav_jax.recorded.gnss.registry import format_of
-from nav_jax.recorded.gnss.time_scales import CLOCKS, on_clock
+from nav_jax.recorded.gnss.time_scales import CLOCKS, on_clock, utc_at_zero
 
 
 def read_gnss(
@@ -125,6 +125,7 @@ def _record(raw: RawFixes, clock: str | None, origin: Any, name: str) -> GnssRec
         raw.age,
         counted,
         raw.height,
+        None if raw.epochs is None else utc_at_zero(raw.epochs, time),
         name,
     )
 

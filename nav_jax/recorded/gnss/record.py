@@ -44,6 +44,8 @@ class GnssRecord:
         What `time` counts.
     height
         Above which heights are: ``ellipsoid`` or ``geoid``.
+    utc
+        UTC at time zero of the clock, to the microsecond, as of the first fix; None where the file knows no date.
     name
         Of the file.
     """
@@ -60,6 +62,7 @@ class GnssRecord:
     age: Float64[np.ndarray, " F"] | None = None
     clock: str = ""
     height: str = "ellipsoid"
+    utc: np.datetime64 | None = None
     name: str = ""
 
     def __len__(self) -> int:
@@ -105,7 +108,8 @@ class GnssRecord:
 
     def shifted(self, seconds: Real) -> "GnssRecord":
         """The same fixes so many seconds later, as on the clock of an IMU that is ahead of theirs."""
-        return replace(self, time=self.time + float(seconds))
+        later = np.timedelta64(round(1e6 * float(seconds)), "us")
+        return replace(self, time=self.time + float(seconds), utc=None if self.utc is None else self.utc - later)
 
     def position_fixes(
         self,

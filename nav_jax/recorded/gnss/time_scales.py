@@ -100,6 +100,12 @@ def on_clock(epochs: Epochs, clock: str) -> Float64[np.ndarray, " F"]:
     return (days - start) * DAY + utc
 
 
+def utc_at_zero(epochs: Epochs, time: Float64[np.ndarray, " F"]) -> np.datetime64:
+    """UTC when a clock that reads these times shows zero, to the microsecond; leap seconds as of the first instant."""
+    seconds = epochs.seconds[0] - _leap_seconds_of_gps(epochs)[0] - time[0]
+    return (_ZERO + epochs.days[0]).astype("datetime64[us]") + np.timedelta64(round(1e6 * float(seconds)), "us")
+
+
 def _leap_seconds(days: Int64[np.ndarray, " F"]) -> Int64[np.ndarray, " F"]:
     """By which GPS time is ahead, of days of UTC."""
     return np.searchsorted(_LEAPS, _ZERO + days, side="right")

@@ -82,7 +82,9 @@ def test_what_innovations_should_be():
     solution = make_navigation()
     first, *_, last = plotting.innovations_data(solution)
     nu = solution.innovation["gnss_position"][:, 0]
-    assert first.title.startswith(f"gnss_position n: rms {np.sqrt(np.mean(nu**2)):.2f} of 1, outside")
+    assert first.title.startswith(
+        f"gnss_position n: sd 1 m in the median\nrms {np.sqrt(np.mean(nu**2)):.2f} of 1, outside"
+    )
     assert first.title.endswith("of 0.3 %")
     assert last.title.startswith("barometer ")
     with pytest.raises(ValueError, match="Without aiding"):

@@ -1,0 +1,186 @@
+"""The command navigate: a simulated drive with a mounted IMU and clocks apart, its table and files, and bad input."""
+
+import json
+
+import numpy as np
+import pymap3d
+import pytest
+from nav.app.test_analysis_cli import call
+from scipy.spatial.transform import Rotation
+
+import nav_jax as nj
+from nav_jax.app.record_file import read_record
+
+RATE = 20.0
+ORIGIN = (46.5, 6.6, 400.0)
+MOUNT = np.deg2rad([180.0, -5.0, 90.0])
+OFFSET = 0.4
+"""s by which the IMU's clock is ahead."""
+TOW = 156840.0
+DRIVE = """
+[record]
+imu = "imu.csv"
+units = { gyro = "deg/s", accel = "g" }
+mounting = ["180 deg", "-5 deg", "90 deg"]
+time_offset = "0.4 s"
+end = 156878.4
+course_speed = "3 m/s"
+origin = ["46.5 deg", "6.6 deg", "400 m"]
+
+[filters.right]
+accel = "WN(sigma2=4e-4)"
+gyro = "WN(sigma2=1e-6)"
+rate = "20 Hz"
+
+[filters.other]
+accel = "WN(sigma2=4e-2)"
+gyro = "WN(sigma2=1e-4)"
+rate = "20 Hz"
+
+[[aiding]]
+type = "gnss_position"
+file = "gnss.pos"
+lever_arm = [1.0, 0.5, -1.0]
+exclude = ["single"]
+outages = [[156860, 156865]]
+
+[[aiding]]
+type = "gnss_velocity"
+file = "gnss.pos"
+horizontal = "0.1 m/s"
+vertical = "0.1 m/s"
+lever_arm = [1.0, 0.5, -1.0]
+outages = [[156860, 156865]]
+
+[initial]
+position_sd = "0.5 m"
+velocity_sd = "0.2 m/s"
+attitude_sd = "3 deg"
+
+[reference]
+file = "reference.csv"
+
+[output]
+save = "track.gpx"
+"""
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The files of a drive whose truth is known."""
+    folder = tmp_path_factory.mktemp("drive")
+    rng = np.random.default_rng(5)
+    samples, exact = nj.perfect_imu(nj.motions.racetrack(duration=40.0, rate=RATE, straight=60.0, turn=20.0))
+    R = Rotation.from_euler("ZYX", MOUNT[::-1]).as_matrix()
+    gyro = (samples.gyro + rng.normal(0.0, 1e-3, (800, 3))) @ R
+    accel = (samples.accel + rng.normal(0.0, 0.02, (800, 3))) @ R
+    table = np.column_stack([TOW + OFFSET + samples.time, np.rad2deg(gyro), accel / 9.80665])
+    names = "time,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    np.savetxt(folder / "imu.csv", table, "%.12f", delimiter=",", header=names, comments="")
+    nj.trajectory.save_trajectory(
+        nj.Trajectory(TOW + OFFSET + exact.time, exact.position, exact.velocity, exact.quaternion),
+        folder / "reference.csv",
+    )
+    q = np.roll(exact.quaternion, -1, axis=1)
+    arm = np.array([1.0, 0.5, -1.0])
+    rate = np.concatenate([samples.gyro, samples.gyro[-1:]])
+    antenna = exact.position + Rotation.from_quat(q).apply(arm)
+    speed = exact.velocity + Rotation.from_quat(q).apply(np.cross(rate, arm))
+    lines = ["% GPST latitude(deg) longitude(deg) height(m) Q ns sdn sde sdu sdne sdeu sdun age ratio vn ve vu"]
+    for k in range(0, 801, 10):
+        sd, quality = ((0.05, 1), (0.3, 2), (5.0, 5))[int(k % 70 == 0) + int(k % 140 == 0)]
+        p = pymap3d.ned2geodetic(*(antenna[k] + sd * rng.normal(size=3)), *ORIGIN)
+        v = (speed[k] + 0.1 * rng.normal(size=3)) * [1, 1, -1]
+        sds = " ".join(f"{x}" for x in (sd, sd, sd, 0, 0, 0, 0, 9))
+        lines.append(
+            f"2322 {TOW + exact.time[k]:.3f} {p[0]:.12f} {p[1]:.12f} {p[2]:.6f} {quality} 9 {sds} "
+            + " ".join(f"{x:.6f}" for x in v)
+        )
+    (folder / "gnss.pos").write_text("\n".join(lines))
+    return folder, exact
+
+
+@pytest.fixture
+def drive(written):
+    path = written[0] / "drive.toml"
+    path.write_text(DRIVE)
+    return path
+
+
+def test_the_record_is_put_together(drive, written):
+    known = read_record(drive)
+    exact = written[1]
+    start = known.imu.time[0] - TOW - OFFSET
+    row = round(start * RATE)
+    np.testing.assert_allclose(known.position, exact.position[row], rtol=0, atol=0.3)
+    np.testing.assert_allclose(known.velocity, exact.velocity[row], rtol=0, atol=0.5)
+    assert abs(known.quaternion @ exact.quaternion[row]) > np.cos(np.deg2rad(2.0))
+    position, velocity = known.aiding
+    assert known.imu.epochs[-1] == pytest.approx(156878.4)
+    assert position.time[-1] <= known.imu.epochs[-1]
+    assert set(np.round(np.sqrt(position.covariance[:, 0, 0]), 3)) == {0.05, 0.3}
+    assert velocity.covariance is None
+    assert len(velocity.time) > len(position.time)
+    assert known.notes[0].startswith("gnss_position: ")
+    # 2322 weeks and some seconds, less 18 leap seconds and the offset
+    assert known.utc == np.datetime64("2024-07-06T23:59:41.600000")
+
+
+def test_navigate(drive, written, tmp_path):
+    stdout = call("navigate", drive, "--filter", "right", "--out", tmp_path, "--json", tmp_path / "a.json").stdout
+    assert "horizontal error at the end [m]" in stdout
+    assert "Errors against the reference" in stdout
+    assert "fixes lie in the record." in stdout
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert content["filter"] == "right"
+    # three components; the antenna's velocity shares the noise of the gyros, little of it
+    assert 2.0 < content["nis"]["gnss_position"]["mean"] < 4.2
+    (outage,) = content["outages"]["gnss_position"]
+    assert outage["num_fixes"] in (9, 10)
+    assert outage["error"] < 4 * outage["claimed"]
+    reference = content["reference"]
+    assert reference["position"]["rms"] < 0.4
+    assert 0.3 < reference["position"]["rms"] / reference["position"]["claimed"] < 2.5
+    figures = {"track.png", "innovations.png", "sensors.png", "outages.png"}
+    assert {p.name for p in tmp_path.iterdir()} == figures | {"navigation.txt", "navigation.json", "a.json"}
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in figures)
+    # times in UTC, on a map
+    track = nj.read_gnss(written[0] / "track.gpx", origin=(*np.deg2rad(ORIGIN[:2]), ORIGIN[2]))
+    exact = written[1]
+    at = exact.at(np.clip(track.time - TOW, 0.0, 40.0))
+    assert np.abs(track.position - at.position).max() < 1.5
+
+
+BAD = [
+    ({"imu.csv": "none.csv"}, [], "There is no file"),
+    ({'time_offset = "0.4 s"': 'time_offset = "1 h"'}, [], "[record]: No fix between 156841 and 156878 s has a speed"),
+    ({'course_speed = "3 m/s"': 'course_speed = "300 m/s"'}, [], "has a speed of 300 m/s"),
+    ({'course_speed = "3 m/s"': "attitude = [0, 0, 1]"}, [], "With an attitude there must be a velocity"),
+    ({'course_speed = "3 m/s"': "attitude = [0, 0, 1]\ncourse_speed = 1"}, [], "course_speed is for"),
+    ({"end = 156878.4": "end = 10"}, [], "[record]: The record is of 156840 to 156880 s"),
+    ({"end = 156878.4": "end = 1\nend2 = 2"}, [], "there is no key 'end2'"),
+    ({'exclude = ["single"]': 'exclude = ["bad"]'}, [], "[[aiding]] 1: There is no quality 'bad'"),
+    ({'exclude = ["single"]': 'clock = "sun"'}, [], "The clock is one of week"),
+    ({'exclude = ["single"]': "believed = [1, 2]"}, [], "believed: what the filter believes of recorded fixes"),
+    ({'file = "reference.csv"': 'file = "imu.csv"'}, [], "[reference]: "),
+    ({"imu": "imu"}, ["--save", "a.txt"], "estimates are saved as .csv, .npz, .kml, .gpx"),
+    ({"horizontal = \"0.1 m/s\"\n": ""}, [], "[[aiding]] 2: gnss_velocity: the file has no standard deviations"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("by", "arguments", "message"), BAD)
+def test_bad_input_is_one_line(drive, by, arguments, message):
+    text = drive.read_text()
+    for old, new in by.items():
+        assert old in text
+        text = text.replace(old, new)
+    drive.write_text(text)
+    code = 2 if arguments else 1
+    stderr = call("navigate", drive, *arguments, code=code).stderr
+    assert message in " ".join(stderr.replace("│", " ").split()), stderr
+
+
+def test_an_output_is_not_written_over_an_input(drive):
+    text = drive.read_text().replace('save = "track.gpx"', 'save = "reference.csv"')
+    drive.write_text(text)
+    assert "reference.csv" in call("navigate", drive, code=1).stderr
