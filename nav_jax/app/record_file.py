@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import Field, create_model
 
-from gmwm_jax._internal.tabular import Reading, open_source
+from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.tabular import open_source
 from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractNed, GnssPosition
