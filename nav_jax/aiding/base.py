@@ -18,6 +18,7 @@ from jaxtyping import Float, Key
 
 from gmwm_jax._internal.checks import as_float, concrete, number, positive, sampling_rate
 from gmwm_jax._internal.chunks import stream_keys
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.states import OwnState
 from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw, white_sd
@@ -213,10 +214,10 @@ def noises(
 ) -> tuple[tuple[NoiseModel, ...], Float[Array, " K"]]:
     """The emulated noise of each component, and the standard deviations the filter believes: those, if not given."""
     models = tuple(axis_noise(g, name) for g in given)
-    sd = [white_sd(m) for m in models] if believed is None else [as_float(b) for b in believed]
+    sd = known(*(map(white_sd, models) if believed is None else map(as_float, believed)))
     for value in sd:
         positive(f"{name}: a standard deviation that the filter believes", value)
-    return models, jnp.stack(sd)
+    return models, as_float(namespace(*sd).stack(sd))
 
 
 def spread(name: str, believed: Any, groups: Sequence[Sequence[str]]) -> list[Any]:

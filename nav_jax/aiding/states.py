@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.host import compiled_quickly
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.imu.bank import SensorBank
@@ -56,19 +58,18 @@ class OwnState(eqx.Module):
         self.name, self.unit, self.sd = name, unit, as_float(sd)
         self.noise = None if noise is None else as_model(noise, name)
         for process in () if self.noise is None else self.noise.processes:
-            form = process.state_space()
+            form = jax.eval_shape(process.state_space)
             if form is None or not len(form.readout):
                 raise ValueError(f"{name} cannot be {process!r}, which is no Markov process: add it to the noise.")
         seen = concrete(self.sd)
         self.is_constant = seen is None or bool(seen > 0) or noise is None
 
-    def forms(self, sensor_rate: Real, rate: Real) -> list[tuple[str, Any]]:
-        """Label and state-space form at another rate of each part."""
-        parts = [("constant", constant_form(self.sd))] if self.is_constant else []
+    def parts(self, sensor_rate: Real, rate: Real) -> list[tuple[str, Any]]:
+        """Labels, with the standard deviation of the constant part and the models of the others at another rate."""
+        parts: list[tuple[str, Any]] = [("constant", self.sd)] if self.is_constant else []
         if self.noise is not None:
             model = resampled(self.noise, sensor_rate, rate)
-            labelled = zip(model.labels, model.processes, strict=True)
-            parts += [(label, markov_form(NoiseModel((p,)), self.name)) for label, p in labelled]
+            parts += [(label, NoiseModel((p,))) for label, p in zip(model.labels, model.processes, strict=True)]
         return parts
 
 
@@ -137,32 +138,46 @@ class OwnStates(eqx.Module):
 
 def own_states(sensors: Sequence[Any], rate: Real) -> OwnStates:
     """The states of aiding sensors, at the rate of an IMU."""
-    forms, states, rows, parts, readout = [], [], [], [], []
+    states, rows, parts, found, is_diagonal = [], [], [], [], True
     for sensor in sensors:
-        first, begin = len(readout), len(forms)
+        first, begin = len(found), len(states)
         for state in sensor.states:
-            found = state.forms(sensor.rate, rate)
-            readout.append((len(states), [f.readout for _, f in found]))
-            for label, form in found:
-                names = (f"{sensor.name} {state.name}{f' {label}' * (label != 'constant')}",)
-                names = names if len(form.readout) == 1 else tuple(f"{names[0]} {i}" for i in range(len(form.readout)))
+            labelled = state.parts(sensor.rate, rate)
+            for label, part in labelled:
+                num = len(jax.eval_shape(_form, part).readout)
+                name = f"{sensor.name} {state.name}{f' {label}' * (label != 'constant')}"
+                is_diagonal = is_diagonal and num == 1
+                names = (name,) if num == 1 else tuple(f"{name} {i}" for i in range(num))
                 states += [SensorState(NO_CHANNEL, n) for n in names]
-                forms.append(form)
-        rows.append((first, len(readout)))
-        sizes = np.cumsum([0, *(len(f.readout) for f in forms)])
-        parts.append((int(sizes[begin]), int(sizes[-1])))
-    h = jnp.zeros((len(readout), len(states)))
-    for row, (at, pieces) in enumerate(readout):
-        h = h.at[row, at : at + sum(map(len, pieces))].set(jnp.concatenate(pieces))
+            found.append([part for _, part in labelled])
+        rows.append((first, len(found)))
+        parts.append((begin, len(states)))
+    none = as_float(np.zeros((0, 0)))
     return OwnStates(
-        transition=block_diagonal([f.transition for f in forms]),
-        driving=block_diagonal([f.driving for f in forms]),
-        initial=block_diagonal([f.initial for f in forms]),
-        readout=h,
+        *(_stacked(found) if found else (none,) * 4),
         states=tuple(states),
         rows=tuple(rows),
         parts=tuple(parts),
-        diagonal=all(len(f.readout) == 1 for f in forms),
+        diagonal=is_diagonal,
+    )
+
+
+@jax.jit
+def _form(part: Any) -> Any:
+    """The state-space form of a part of a state, see `OwnState.parts`."""
+    return markov_form(part, "a state") if isinstance(part, NoiseModel) else constant_form(part)
+
+
+@compiled_quickly()
+def _stacked(found: list[list[Any]]) -> tuple[Array, Array, Array, Array]:
+    """Transition, driving noise, initial covariance and readout, from the parts of each state."""
+    forms = [[_form(part) for part in parts] for parts in found]
+    flat = [form for parts in forms for form in parts]
+    return (
+        block_diagonal([f.transition for f in flat]),
+        block_diagonal([f.driving for f in flat]),
+        block_diagonal([f.initial for f in flat]),
+        jax.scipy.linalg.block_diag(*[jnp.concatenate([f.readout for f in parts])[None] for parts in forms]),
     )
 
 

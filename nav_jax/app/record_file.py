@@ -334,7 +334,7 @@ def _start(record: RecordSection, imu: Imu, read: _Fixes, gravity: float) -> tup
     """The record from where it starts, and what is known there."""
     time = float(imu.time[0])
     if record.attitude is not None and record.velocity is not None:
-        quaternion = np.asarray(rotation.quat_from_euler(jnp.array(record.attitude)))
+        quaternion = np.asarray(rotation.quat_from_euler(np.array(record.attitude)))
         position = np.zeros(3) if record.position is None else np.array(record.position)
         return imu, Start(time, position, np.array(record.velocity), quaternion)
     gnss = next((r for r in read.records if r is not None), None)

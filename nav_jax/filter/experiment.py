@@ -15,8 +15,9 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int, Key
 
-from gmwm_jax._internal.checks import of_kind
+from gmwm_jax._internal.checks import as_float, of_kind
 from gmwm_jax._internal.chunks import numbered_keys
+from gmwm_jax._internal.host import compiled_quickly
 from gmwm_jax._internal.programs import bound_programs
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -92,21 +93,16 @@ class Setup:
         return dict(zip((s.name for s in self.aiding), self.fix_times, strict=True))
 
     def _experiment(self, schedule: Schedule, used: list[np.ndarray]) -> Experiment:
-        first, earth = self.reference, self.scenario.earth
-        p, v, q = (jnp.asarray(a[:1].T) for a in (first.position, first.velocity, first.quaternion))
+        reference, earth = self.reference, self.scenario.earth
+        p, v, q = (as_float(a[:1].T) for a in (reference.position, reference.velocity, reference.quaternion))
+        fixes = (np.stack([np.flatnonzero(u), s]) for u, s in zip(used, self.fix_segments, strict=True))
+        truth = truth_at(reference, self.imu, schedule.time, earth)
         return Experiment(
-            timeline_of(
-                self.imu,
-                schedule,
-                self.aiding,
-                self.fix_segments,
-                truth_at(self.reference, self.imu, schedule.time, earth),
-                earth,
-            ),
+            timeline_of(self.imu, schedule, self.aiding, self.fix_segments, truth, earth),
             self.aiding,
-            NavState(p, v, q, jnp.zeros((0, 1))),
+            NavState(p, v, q, as_float(np.zeros((0, 1)))),
             self.scenario.initial,
-            tuple(jnp.asarray(np.stack([np.flatnonzero(u), s])) for u, s in zip(used, self.fix_segments, strict=True)),
+            jax.device_put(tuple(fixes)),
             len(self.imu),
             tuple(len(u) for u in used),
         )
@@ -144,9 +140,14 @@ def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], ea
     index = np.where(near, np.rint(position), np.floor(position)).astype(int)
     past = np.where(near, 0.0, position - index) * step
     sample = np.minimum(index, len(imu.time) - 1)
-    p, v, q = (jnp.asarray(a[index].T) for a in (reference.position, reference.velocity, reference.quaternion))
-    gyro, accel = jnp.asarray(imu.gyro[sample].T), jnp.asarray(imu.accel[sample].T)
-    dt, rate_n = jnp.asarray(past)[None], earth.rate_n(p) if earth.is_turning else None
+    state = (a[index].T for a in (reference.position, reference.velocity, reference.quaternion))
+    return _step(*state, imu.gyro[sample].T, imu.accel[sample].T, past[None], earth)
+
+
+@compiled_quickly()
+def _step(p: Array, v: Array, q: Array, gyro: Array, accel: Array, dt: Array, earth: AbstractEarth) -> Truth:
+    """One step from each of many states, as one program."""
+    rate_n = earth.rate_n(p) if earth.is_turning else None
     p, v, q = strapdown.step(p, v, q, gyro, accel, dt, earth.gravity_n(p + dt / 2 * v), rate_n)
     return Truth(*(a.T[:, :, None] for a in (p, v, q)))
 

@@ -3,12 +3,12 @@
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.states import saved
 from nav_jax.filter.layout import NAVIGATION
 
@@ -53,8 +53,10 @@ class InitialUncertainty(eqx.Module):
                 positive(name, value, zero_ok=True)
                 if np.shape(value) not in ((), (block.size,)):
                     raise ValueError(f"{name} is one number or three, and has the shape {np.shape(value)}.")
-            sd = jnp.concatenate([jnp.broadcast_to(as_float(given[b.start]), (b.size,)) for b in NAVIGATION.blocks])
-            self.covariance = jnp.diag(sd**2)
+            values = known(*(as_float(given[b.start]) for b in NAVIGATION.blocks))
+            xp = namespace(*values)
+            sd = [xp.broadcast_to(v, (b.size,)) for v, b in zip(values, NAVIGATION.blocks, strict=True)]
+            self.covariance = as_float(xp.diag(xp.concatenate(sd) ** 2))
             return
         if any(concrete(v) is None or np.any(concrete(v)) for v in given.values()):
             raise ValueError("Give standard deviations or the covariance of the initial error, not both.")

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from gmwm_jax._internal.checks import as_float
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.states import OwnStates, own_states
 from nav_jax.filter.ekf import Update
@@ -151,16 +152,19 @@ def timeline_of(
     after = np.minimum(np.cumsum(schedule.ends[schedule.pattern].sum(axis=(1, 2))).astype(int), len(imu) - 1)
     both = np.concatenate([imu.accel, imu.gyro], axis=1)
     return Timeline(
-        imu=jnp.asarray(both[samples].reshape(M, G, -1, len(CHANNELS))),
-        pattern=jnp.asarray(schedule.pattern),
-        dt=jnp.asarray(schedule.dt),
-        ends=jnp.asarray(schedule.ends),
+        imu=as_float(both[samples].reshape(M, G, -1, len(CHANNELS))),
+        pattern=jax.device_put(schedule.pattern),
+        dt=as_float(schedule.dt),
+        ends=as_float(schedule.ends),
         truth=truth,
-        valid=jnp.asarray(valid),
-        earth=EarthInLoops(earth),
-        sensed=jnp.asarray(both[after]),
+        valid=as_float(valid),
+        earth=_in_loops(earth),
+        sensed=as_float(both[after]),
         own=own_states(sensors, imu.rate),
     )
+
+
+_in_loops = jax.jit(EarthInLoops)
 
 
 def start_covariance(initial: InitialUncertainty, bank: SensorBank) -> Float[Array, "n n"]:

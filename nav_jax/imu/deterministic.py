@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.states import register
 from nav_jax.imu.channels import CHANNELS, SensorState
 
@@ -54,8 +54,10 @@ class AbstractDeterministic(eqx.Module):
             positive(f"{type(self).__name__}: {name}", value, zero_ok=True)
             if np.shape(value) not in ((), (3,)):
                 raise ValueError(f"{type(self).__name__}: {name} is one number or three, and is {value!r}.")
-            parts.append(jnp.broadcast_to(as_float(value), (3,)))
-        self.sd = jnp.concatenate(parts)
+            parts.append(as_float(value))
+        parts = known(*parts)
+        xp = namespace(*parts)
+        self.sd = as_float(xp.concatenate([xp.broadcast_to(sd, (3,)) for sd in parts]))
         seen = concrete(self.sd)
         self.present = (True,) * len(CHANNELS) if seen is None else tuple(bool(s) for s in seen > 0)
 

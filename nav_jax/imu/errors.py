@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64
@@ -22,14 +23,14 @@ from jaxtyping import Array, Float, Float64
 from gmwm_jax import Composite, datasets, read_recording
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import as_float, concrete, of_kind, positive, sampling_rate
-from gmwm_jax._internal.host import known, namespace
+from gmwm_jax._internal.host import compiled_quickly, known, namespace
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
-from gmwm_jax.processes import StateSpace, from_continuous, to_continuous
+from gmwm_jax.processes import AbstractProcess, StateSpace, from_continuous, to_continuous
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.deterministic import AbstractDeterministic, Constant
-from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form, constant_form
+from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form, constant_form, states_in_filter
 from nav_jax.imu.recorded import RecordedErrors
 
 
@@ -122,12 +123,13 @@ class ImuErrors(eqx.Module):
         """
         rate = sampling_rate(rate)
         models = [resampled(m, self.rate, rate) for m in self.models]
+        (bias_sd,) = known(self.bias_sd)
         return ImuErrors(
             models[:3],
             models[3:],
             rate,
-            accel_bias_sd=self.bias_sd[:3],
-            gyro_bias_sd=self.bias_sd[3:],
+            accel_bias_sd=bias_sd[:3],
+            gyro_bias_sd=bias_sd[3:],
             deterministic=self.deterministic,
             start=self.start,
         )
@@ -145,36 +147,12 @@ class ImuErrors(eqx.Module):
         ValueError
             All are wanted, and one has no state-space form.
         """
-        forms: list[StateSpace] = []
-        states: list[SensorState] = []
-        white = [jnp.zeros(())] * len(CHANNELS)
-        for channel, model in enumerate(self.models):
-            for label, process in zip(model.labels, model.processes, strict=True):
-                form = complete_form(process, CHANNELS[channel]) if complete else process.filter_form()
-                if form is None:
-                    continue
-                white[channel] = white[channel] + form.white
-                # zero is the state before the first sample, which is then the first innovation
-                if self.start == "zero" and process.driven and process.in_filter:
-                    form = form._replace(initial=form.driving)
-                names = process.state_names(len(form.readout))
-                states += [SensorState(channel, f"{label} {name}".rstrip(), process.in_filter) for name in names]
-                forms.append(form)
-            if channel in self.biased:
-                forms.append(constant_form(self.bias_sd[channel]))
-                states.append(SensorState(channel, "bias"))
-            states += [c.state for c in self.constants(channel)]
-            forms += [constant_form(c.sd) for c in self.constants(channel)]
-        return SensorBank(
-            transition=block_diagonal([f.transition for f in forms]),
-            driving=block_diagonal([f.driving for f in forms]),
-            readout=jnp.concatenate([jnp.zeros(0), *(f.readout for f in forms)]),
-            initial=block_diagonal([f.initial for f in forms]),
-            white=jnp.stack(white),
-            rate=as_float(self.rate),
-            states=tuple(states),
-            diagonal=all(len(f.readout) <= 1 for f in forms),  # white noise has no state
-        )
+        return _bank(self, complete)
+
+    @property
+    def states(self) -> tuple[SensorState, ...]:
+        """Those of `bank`, which is not computed."""
+        return jax.eval_shape(_bank, self).states
 
     def constants(self, channel: int) -> list[Constant]:
         """Errors of a channel that are no noise."""
@@ -182,7 +160,7 @@ class ImuErrors(eqx.Module):
 
     def stateless(self, channel: int) -> Composite | None:
         """Return the processes of a channel that have no state (quantisation noise); None if there are none."""
-        rest = [p for p in self.models[channel].processes if p.filter_form() is None]
+        rest = [p for p in self.models[channel].processes if states_in_filter(p) is None]
         return Composite(rest) if rest else None
 
     def notes(self) -> tuple[str, ...]:
@@ -190,7 +168,7 @@ class ImuErrors(eqx.Module):
         notes = []
         for channel, model in zip(CHANNELS, self.models, strict=True):
             for process in model.processes:
-                if process.filter_form() is not None:
+                if states_in_filter(process) is not None:
                     continue
                 note = f"{process.kind} of {channel} has no state and is left out of the filter"
                 integral = process.bounded_integral()
@@ -244,6 +222,41 @@ def _from_state(state: _State) -> ImuErrors:
 
 
 register(ImuErrors, _State, _to_state, _from_state)
+
+
+@compiled_quickly(static_argnums=(1,))
+def _bank(errors: ImuErrors, complete: bool = False) -> SensorBank:
+    """See `ImuErrors.bank`: one program for all models of one structure, and none where it is part of another."""
+    forms: list[StateSpace] = []
+    states: list[SensorState] = []
+    white = [jnp.zeros(())] * len(CHANNELS)
+    for channel, model in enumerate(errors.models):
+        for label, process in zip(model.labels, model.processes, strict=True):
+            form = complete_form(process, CHANNELS[channel]) if complete else process.filter_form()
+            if form is None:
+                continue
+            white[channel] = white[channel] + form.white
+            # zero is the state before the first sample, which is then the first innovation
+            if errors.start == "zero" and process.driven and process.in_filter:
+                form = form._replace(initial=form.driving)
+            names = process.state_names(len(form.readout))
+            states += [SensorState(channel, f"{label} {name}".rstrip(), process.in_filter) for name in names]
+            forms.append(form)
+        if channel in errors.biased:
+            forms.append(constant_form(errors.bias_sd[channel]))
+            states.append(SensorState(channel, "bias"))
+        states += [c.state for c in errors.constants(channel)]
+        forms += [constant_form(c.sd) for c in errors.constants(channel)]
+    return SensorBank(
+        transition=block_diagonal([f.transition for f in forms]),
+        driving=block_diagonal([f.driving for f in forms]),
+        readout=jnp.concatenate([jnp.zeros(0), *(f.readout for f in forms)]),
+        initial=block_diagonal([f.initial for f in forms]),
+        white=jnp.stack(white),
+        rate=as_float(errors.rate),
+        states=tuple(states),
+        diagonal=all(len(f.readout) <= 1 for f in forms),  # white noise has no state
+    )
 
 
 def sensor_errors(sensor: str, **options: Any) -> ImuErrors:
@@ -362,11 +375,16 @@ def resampled(model: Composite, old: Real, new: Real) -> Composite:
     ValueError
         An AR1 with phi <= 0 has no continuous-time form.
     """
-    processes = []
-    for p in model.processes:
-        continuous = to_continuous(type(p), p.values, old)
-        if any((seen := concrete(c)) is not None and not np.isfinite(seen) for c in continuous):
+    continuous, values = _converted(model.processes, old, new)
+    for p, quantities in zip(model.processes, continuous, strict=True):
+        if any((seen := concrete(q)) is not None and not np.isfinite(seen) for q in quantities):
             raise ValueError(f"{p!r} has no continuous-time form, and so none at another rate.")
-        build: Any = type(p)
-        processes.append(build(*from_continuous(type(p), continuous, new)))
-    return Composite(processes)
+    kinds: list[Any] = [type(p) for p in model.processes]
+    return Composite([kind(*v) for kind, v in zip(kinds, values, strict=True)])
+
+
+@compiled_quickly(static_argnums=(1, 2))
+def _converted(processes: tuple[AbstractProcess, ...], old: Real, new: Real) -> tuple[Any, Any]:
+    """Quantities in continuous time of processes, and the parameters that these have at another rate."""
+    continuous = [to_continuous(type(p), p.values, old) for p in processes]
+    return continuous, [from_continuous(type(p), c, new) for p, c in zip(processes, continuous, strict=True)]

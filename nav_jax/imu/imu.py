@@ -10,7 +10,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64
 
-from gmwm_jax._internal.checks import increasing, real_array, require_x64, sampling_rate
+from gmwm_jax._internal.checks import as_float, increasing, real_array, require_x64, sampling_rate
+from gmwm_jax._internal.host import compiled_quickly
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors
 from nav_jax.kinematics import strapdown
@@ -150,8 +151,8 @@ def perfect_imu(
     reference = trajectory if f == trajectory.rate and trajectory.is_even else trajectory.resampled(f)
     if len(reference) < 3:
         raise ValueError(f"At {f:g} Hz an IMU has {len(reference) - 1} sample of this trajectory, and needs two.")
-    arrays = (jnp.asarray(x.T) for x in (reference.position, reference.velocity, reference.quaternion))
-    solved = _solve(*arrays, jnp.asarray(1 / f), FlatEarth() if earth is None else earth)
+    arrays = (x.T for x in (reference.position, reference.velocity, reference.quaternion))
+    solved = _solve(*arrays, as_float(1 / f), FlatEarth() if earth is None else earth)
     gyro, accel, position, velocity = (np.asarray(x).T for x in solved)
     _check_turns(gyro / f, reference.time)
     _warn_of_noise(accel)
@@ -159,7 +160,7 @@ def perfect_imu(
     return imu, Trajectory(reference.time, position, velocity, reference.quaternion, trajectory.name)
 
 
-@jax.jit
+@compiled_quickly()
 def _solve(
     p: Float[Array, "3 epochs"],
     v: Float[Array, "3 epochs"],

@@ -11,6 +11,7 @@ from jaxtyping import Float, Key
 
 from gmwm_jax import GM, RW, WN, Composite, parse_model, simulate
 from gmwm_jax._internal.checks import as_float, concrete, positive
+from gmwm_jax._internal.host import known
 from gmwm_jax.processes import StateSpace
 
 NoiseModel = Composite
@@ -55,7 +56,8 @@ def axis_noise(given: Any, what: str) -> NoiseModel:
     """
     if isinstance(given, int | float | np.ndarray | np.number | Array):
         positive(f"{what}: a standard deviation", given)
-        return Composite((WN(as_float(given) ** 2),))
+        (sd,) = known(as_float(given))
+        return Composite((WN(sd**2),))
     return as_model(given, what)
 
 
@@ -75,6 +77,18 @@ def markov_form(model: NoiseModel, what: str) -> StateSpace:
         block_diagonal([f.initial for f in forms]),
         jnp.sum(jnp.stack([f.white for f in forms])),
     )
+
+
+@jax.jit
+def filter_form(process: Any) -> StateSpace | None:
+    """`AbstractProcess.filter_form` as one program."""
+    return process.filter_form()
+
+
+def states_in_filter(process: Any) -> int | None:
+    """Number of states by which a filter holds a process, 0 of white noise; None where it leaves the process out."""
+    form = jax.eval_shape(filter_form, process)
+    return None if form is None else len(form.readout)
 
 
 def constant_form(sd: Float[Array, ""]) -> StateSpace:
@@ -103,6 +117,7 @@ def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[A
     return jax.vmap(lambda key: simulate(model, num_samples, key=key), out_axes=1)(keys)
 
 
+@jax.jit
 def white_sd(model: NoiseModel) -> Float[Array, ""]:
     """Standard deviation of a sample of a model: what a filter that takes it as white noise should believe.
 

@@ -145,6 +145,7 @@ def quat_from_dcm(dcm: Matrix) -> Quaternion:
     return jnp.where(q[:1] < 0, -1.0, 1.0) * q
 
 
+@jax.jit
 def quat_from_euler(euler: Vector) -> Quaternion:
     """Unit quaternion of roll, pitch, yaw in rad."""
     cr, cp, cy = (jnp.cos(0.5 * a) for a in euler)

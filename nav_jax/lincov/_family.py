@@ -13,7 +13,7 @@ from nav_jax.filter.parameters import Shared, shared_channels
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.imu.noise_models import correlation_time, markov_model
+from nav_jax.imu.noise_models import correlation_time, filter_form, markov_model
 
 _TINY = 1e-30
 """A variance for white noise where the truth has none."""
@@ -192,7 +192,7 @@ class Family(eqx.Module):
 def _first_order(processes: Sequence[Any]) -> list[Line]:
     """Those of a model that belong to the family as they are: random walks, and Markov processes with 0 < phi < 1."""
     lines = []
-    for form in (p.filter_form() for p in processes):
+    for form in map(filter_form, processes):
         if form is None or len(form.readout) != 1:
             continue
         phi, q = float(form.transition[0, 0]), float(form.driving[0, 0] * form.readout[0] ** 2)
@@ -207,7 +207,7 @@ def _filled(lines: Sequence[Line], count: int, white: float, processes: Sequence
     First what is like the processes of the truth that are of higher order, then ones between its own, and weak.
     """
     lines = list(lines)
-    for form in (p.filter_form() for p in processes):
+    for form in map(filter_form, processes):
         if form is not None and len(form.readout) > 1 and len(lines) < count:
             variance, time = correlation_time(form, _LONGEST)
             lines.append(Line(-np.log(time), np.log(max(variance, _TINY) * -np.expm1(-2 / time))))

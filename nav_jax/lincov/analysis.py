@@ -262,7 +262,7 @@ def model_of(truth: ImuErrors | RecordedErrors) -> ImuErrors:
 
 def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:
     """Notes if a filter estimates what the truth does not have."""
-    ours, theirs = (Counter(s.channel for s in e.bank().states) for e in (believed, truth))
+    ours, theirs = (Counter(s.channel for s in e.states) for e in (believed, truth))
     none = [CHANNELS[c] for c in sorted(ours) if not theirs[c]]
     more = [CHANNELS[c] for c in sorted(ours) if ours[c] > theirs[c] > 0]
     return (
@@ -294,7 +294,7 @@ def covariances_of(
         time=setup.output_times,
         true=both[0],
         claimed=both[1],
-        channels=tuple(sorted({s.channel for s in believed.bank().states})),
+        channels=tuple(sorted({s.channel for s in believed.states})),
         fixes=setup.fixes,
         innovation={n: arrays.innovation[s, a:b] for n, s, a, b in parts},
         innovation_claimed={n: arrays.innovation_claimed[s, a:b] for n, s, a, b in parts},

@@ -29,6 +29,7 @@ from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.experiment import Setup
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.noise_models import states_in_filter
 from nav_jax.lincov._family import Family, Structure
 from nav_jax.lincov._search import Course, Ended, Search
 from nav_jax.lincov.analysis import Covariances, analyse, model_of
@@ -80,8 +81,7 @@ class Candidate:
         """Such as ``2 GM accel, 1 GM gyro``, or ``1 GM + 1 RW accel, 0 GM gyro`` for a truth with random walks."""
         parts = []
         for sensor, channel in (("accel", 0), ("gyro", 3)):
-            forms = ((p.kind, p.filter_form()) for p in self.errors.models[channel].processes)
-            states = Counter(kind for kind, form in forms if form is not None and len(form.readout))
+            states = Counter(p.kind for p in self.errors.models[channel].processes if states_in_filter(p))
             kinds = [f"{num} {kind}" for kind, num in states.items()] or ["0 GM"]
             parts.append(f"{' + '.join(kinds)} {sensor}")
         return ", ".join(parts)
@@ -183,7 +183,7 @@ class Design(Drawable, Saved):
             mark = " ".join(["*"] * (id(c) in on_front) + ["not converged"] * (not c.converged))
             rows.append([c.name, str(c.num_states), number(c.loss, 5), *cells, mark])
         position, claimed, nees = judged(self.right)
-        states = str(len(self.truth.bank().states))
+        states = str(len(self.truth.states))
         rows.append(["truth", states, "", *(number(x, 4) for x in (position, claimed, nees)), "", "", ""])
         return format_table(head, rows)
 

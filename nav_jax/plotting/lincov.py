@@ -433,7 +433,7 @@ def design_data(d: Design) -> tuple[Frame, Frame, Frame]:
     designed = np.array([(*judged(c.covariances), c.loss) for c in d.candidates])
     naive = np.array([(*judged(c.covariances_naive), c.loss_naive) for c in d.candidates])
     right, at = judged(d.right), _side_by_side(d.candidates)
-    true_states = np.array([len(d.truth.bank().states)])
+    true_states = np.array([len(d.truth.states)])
     names = tuple(f"{c.num_accel}+{c.num_gyro}{'' if c.converged else '?'}" for c in d.candidates)
     front = {id(c) for c in d.pareto}
     on_front = [i for i, c in enumerate(d.candidates) if id(c) in front]

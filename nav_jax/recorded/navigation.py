@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64, Int
 
-from gmwm_jax._internal.checks import integer, of_kind, real_array
+from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.programs import bound_programs
 from gmwm_jax._internal.text_table import format_table
@@ -211,8 +211,8 @@ def prepare_navigation(
     }
     if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
         raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
-    p, v, q = (jnp.asarray(a[:, None]) for a in start.values())
-    begin = NavState(p, v, q, jnp.zeros((0, 1)))
+    p, v, q = (as_float(a[:, None]) for a in start.values())
+    begin = NavState(p, v, q, as_float(np.zeros((0, 1))))
     truth = _truth(reference, schedule.time)
     timeline = timeline_of(
         imu, schedule, sensors, [s[f.given] for s, f in zip(fixes, aiding, strict=True)], truth, earth
@@ -221,7 +221,7 @@ def prepare_navigation(
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
     spans = list(zip(aiding, fixes, columns[:-1], columns[1:], strict=True))
     for f, segments, a, b in spans:
-        z[segments, a:b, 0] = decorrelated(f.sensor, jnp.asarray(f.value.T)).T
+        z[segments, a:b, 0] = decorrelated(f.sensor, as_float(f.value.T)).T
     whitening = [_whitening(f) for f in aiding]
     if any(w is not None for w in whitening):
         # on top of what the sensor decorrelates by itself
@@ -229,13 +229,13 @@ def prepare_navigation(
         for w, (f, segments, a, b) in zip(whitening, spans, strict=True):
             if w is not None:
                 on_top[segments, a:b, a:b] = w if f.sensor.mixing is None else w @ np.asarray(f.sensor.mixing)
-        timeline = eqx.tree_at(lambda t: t.whitening, timeline, jnp.asarray(on_top), is_leaf=lambda x: x is None)
-    zero = jnp.zeros((M, len(CHANNELS), 1))
-    none = GivenErrors(jnp.zeros((*timeline.imu.shape, 1)), AtEnd(zero, zero))
+        timeline = eqx.tree_at(lambda t: t.whitening, timeline, as_float(on_top), is_leaf=lambda x: x is None)
+    zero = as_float(np.zeros((M, len(CHANNELS), 1)))
+    none = GivenErrors(as_float(np.zeros((*timeline.imu.shape, 1))), AtEnd(zero, zero))
     return Prepared(
         timeline,
         sensors,
-        Inputs(begin, none, jnp.asarray(z)),
+        Inputs(begin, none, as_float(z)),
         schedule,
         float(epochs[0]),
         outputs,
@@ -419,8 +419,8 @@ def _withheld(
 def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"]) -> Truth:
     """The reference at the ends of the segments; its own ends where it ends."""
     if reference is None:  # errors of the channels are then what the filter estimates, all others mean nothing
-        M = len(time)
-        return Truth(jnp.zeros((M, 3, 1)), jnp.zeros((M, 3, 1)), jnp.broadcast_to(jnp.eye(4)[None, :, :1], (M, 4, 1)))
+        still, level = np.zeros((len(time), 3, 1)), np.tile(np.eye(4)[None, :, :1], (len(time), 1, 1))
+        return Truth(as_float(still), as_float(still), as_float(level))
     inside = time.clip(reference.time[0], reference.time[-1])
     instants, which = np.unique(inside, return_inverse=True)
     if len(instants) < 2:
@@ -429,7 +429,7 @@ def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"]) -> Tru
             f"{time[-1]:g} s: they have no time in common."
         )
     known = reference.at(instants)
-    p, v, q = (jnp.asarray(a[which][:, :, None]) for a in (known.position, known.velocity, known.quaternion))
+    p, v, q = (as_float(a[which][:, :, None]) for a in (known.position, known.velocity, known.quaternion))
     return Truth(p, v, q)
 
 

@@ -192,7 +192,7 @@ def compare(
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
     if smooth and chunk_size is None and not on_reference:
-        most = max(len(f.bank().states) for f in filters.values())
+        most = max(len(f.states) for f in filters.values())
         size = min(size, _smoothed_at_once(setup, NAVIGATION.size + most, workers))
     shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
 
@@ -201,7 +201,7 @@ def compare(
         keys = run_keys(key, chunk * size, (chunk + 1) * size)
         inputs = draw_inputs(setup.experiment, truth, keys)
         outcomes = {n: run_filter(setup.experiment, filters[n], inputs, shared[n], smooth=smooth) for n in names}
-        return {name: jax.tree.map(np.asarray, _outputs(setup, outcome)) for name, outcome in outcomes.items()}
+        return {name: _outputs(setup, jax.tree.map(np.asarray, outcome)) for name, outcome in outcomes.items()}
 
     collected = {name: _Collected(setup, num_runs) for name in filters}
     done = _run_chunks(task, list(filters), -(-num_runs // size), workers, progress, collected, size)
@@ -328,7 +328,7 @@ class _Collected:
         smooth: bool,
     ) -> Runs:
         """The result of the first `count` runs."""
-        states = {s.channel for s in believed.bank().states}
+        states = {s.channel for s in believed.states}
         dof = {group: len(JUDGED.columns(*blocks)) for group, blocks in GROUPS.items()} | {"sensors": len(states)}
         notes = list(believed.notes())
         if smooth:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
@@ -32,7 +31,7 @@ def coordinated_attitude(velocity: Any, acceleration: Any, gravity: Real = STAND
     lift = lift - np.einsum("ij,ij->i", lift, forward)[:, None] * forward
     down = -_unit(lift, "specific force across the velocity", "wings")
     dcm = np.stack([forward, np.cross(down, forward), down], axis=-1)
-    return np.asarray(rotation.quat_from_dcm(jnp.asarray(dcm.transpose(1, 2, 0)))).T
+    return np.asarray(rotation.quat_from_dcm(dcm.transpose(1, 2, 0))).T
 
 
 def attitude_of_navigation(time: Times, w: Real) -> Vectors:

@@ -5,14 +5,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import number, real_array, require_x64
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
-from gmwm_jax._internal.typing import Real
+from gmwm_jax._internal.typing import Matrix, Quaternion, Real, Vector
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
 from nav_jax.trajectory.columns import ATTITUDE, POSITION, VELOCITY, Reader, choose
@@ -223,9 +223,12 @@ def _assemble(time, p, euler, v, system: str, origin: Sequence[Real] | np.ndarra
     centre = _origin(p[0] if origin is None else origin)
     # from the local frame of each point to that of the origin
     turn = dcm_ned_from_ecef(centre[0], centre[1]) @ dcm_ned_from_ecef(p[:, 0], p[:, 1]).transpose(0, 2, 1)
-    q = rotation.quat_multiply(
-        rotation.quat_from_dcm(jnp.asarray(turn.transpose(1, 2, 0))), rotation.quat_from_euler(jnp.asarray(euler.T))
-    )
+    q = _turned(turn.transpose(1, 2, 0), euler.T)
     velocity = None if v is None else np.einsum("kij,kj->ki", turn, v)
     ned = ned_from_geodetic(p, centre)
     return Trajectory.from_quaternion(time, ned, np.asarray(q).T, velocity=velocity, name=name)
+
+
+@jax.jit
+def _turned(dcm: Matrix, euler: Vector) -> Quaternion:
+    return rotation.quat_multiply(rotation.quat_from_dcm(dcm), rotation.quat_from_euler(euler))

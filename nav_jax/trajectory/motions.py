@@ -20,7 +20,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import make_interp_spline
 
-from gmwm_jax._internal.checks import number, real_array, require_x64, sampling_rate
+from gmwm_jax._internal.checks import as_float, number, real_array, require_x64, sampling_rate
+from gmwm_jax._internal.host import compiled_quickly
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.trajectory.attitudes import attitude_of_navigation, coordinated_attitude
@@ -78,7 +79,7 @@ def from_path(
     [10.0, 0.0, -20.0]
     """
     time = _times(duration, rate)
-    p, v, a = _derivatives(path, jnp.asarray(time), *(jnp.asarray(x, dtype=jnp.float64) for x in parameters))
+    p, v, a = _derivatives(path, time, *map(as_float, parameters))
     return _trajectory(time, np.asarray(p).T, np.asarray(v).T, np.asarray(a).T, attitude, gravity, name)
 
 
@@ -291,12 +292,12 @@ def racetrack(
     )
     if 2 * ramp > turn:
         raise ValueError(f"A turn of {turn:g} s has no room for two ramps of {ramp:g} s.")
-    parameters = [jnp.asarray(x) for x in (speed, straight, turn, ramp)]
-    v, a, _ = _derivatives(_racetrack_velocity, jnp.asarray(time), *parameters)
+    parameters = [as_float(x) for x in (speed, straight, turn, ramp)]
+    v, a, _ = _derivatives(_racetrack_velocity, time, *parameters)
     node, weight = np.polynomial.legendre.leggauss(6)
     steps = np.diff(time)
     inner = time[:-1, None] + 0.5 * steps[:, None] * (1 + node)
-    sampled = np.asarray(_racetrack_velocity(jnp.asarray(inner.ravel()), *parameters)).reshape(3, *inner.shape)
+    sampled = np.asarray(_racetrack_velocity(inner.ravel(), *parameters)).reshape(3, *inner.shape)
     moved = 0.5 * steps * (sampled @ weight)
     p = np.concatenate([np.zeros((3, 1)), np.cumsum(moved, axis=1)], axis=1)
     return _trajectory(time, p.T, np.asarray(v).T, np.asarray(a).T, attitude, gravity, name)
@@ -364,7 +365,7 @@ GENERATORS: dict[str, Callable[..., Trajectory]] = {
 """The motions that configuration files know, by name."""
 
 
-@partial(jax.jit, static_argnums=0)
+@compiled_quickly(static_argnums=(0,))
 def _derivatives(path: Path, time: Float[Array, " epochs"], *parameters: Any) -> Any:
     """A path and its first two derivatives; every epoch depends on its own time only."""
     one = jnp.ones_like(time)
@@ -433,6 +434,7 @@ def _climb(t, speed, climb, begin, finish, ramp):
     return jnp.stack([speed * t, 0.0 * t, -height])
 
 
+@jax.jit
 def _racetrack_velocity(t, speed, straight, turn, ramp):
     """Velocity of a racetrack: its heading turns by pi in every half round."""
     half = straight + turn

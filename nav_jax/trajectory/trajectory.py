@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
@@ -102,7 +101,7 @@ class Trajectory(Drawable):
         """
         require_x64()
         angles = real_array("Roll, pitch, yaw of a trajectory", euler, (None, 3))
-        q = np.asarray(rotation.quat_from_euler(jnp.asarray(angles.T))).T
+        q = np.asarray(rotation.quat_from_euler(angles.T)).T
         return cls.from_quaternion(time, position, q, velocity=velocity, name=name)
 
     @classmethod
@@ -135,7 +134,7 @@ class Trajectory(Drawable):
     def euler(self) -> Vectors:
         """Roll, pitch, yaw in rad, shape (N+1, 3); roll and yaw without jumps of 360 deg."""
         require_x64()
-        angles = np.array(rotation.euler_from_quat(jnp.asarray(self.quaternion.T))).T
+        angles = np.array(rotation.euler_from_quat(self.quaternion.T)).T
         angles[:, [0, 2]] = np.unwrap(angles[:, [0, 2]], axis=0)
         return angles
 

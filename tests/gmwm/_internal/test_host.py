@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
-from gmwm_jax._internal.host import namespace
+from gmwm_jax._internal.host import compiled_quickly, namespace
 
 
 @pytest.mark.parametrize(("name", "value"), [("log", 0.0), ("exp", 1000.0), ("arctanh", 1.0), ("sqrt", -1.0)])
@@ -26,3 +26,18 @@ def test_a_model_without_amplitude_has_its_place_on_the_line():
     """What a fit has pushed to zero lies at -inf, and nobody is warned of it."""
     model = gj.WN(sigma2=0.0) + gj.GM(beta=0.1, variance=0.0)
     np.testing.assert_array_equal(model.unconstrained(), [-np.inf, np.log(0.1), -np.inf])
+
+
+def test_what_is_compiled_quickly_is_a_part_of_what_is_traced():
+    """Also where all that it is given is known: a program inside of another has no options of its own."""
+
+    @compiled_quickly(static_argnums=(1,))
+    def power(x, n):
+        return jnp.sum(x) ** n
+
+    x = np.array([1.0, 2.0])
+    assert float(power(x, 2)) == 9.0
+    assert power._cache_size() == 1
+    assert float(jax.jit(lambda y: y * power(x, 2))(2.0)) == 18.0
+    assert float(jax.grad(lambda y: jax.jit(lambda z: power(z * x, 2) + power(x, 2))(y))(2.0)) == 36.0
+    np.testing.assert_array_equal(jax.vmap(lambda y: power(x, 2) * power(y * x, 1))(x), [27.0, 54.0])

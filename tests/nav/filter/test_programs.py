@@ -7,7 +7,7 @@ import nav_jax as nj
 from gmwm_jax._internal import programs
 from nav_jax.recorded.navigation import prepare_navigation
 
-RATE, LIMIT = 5.0, 40
+RATE, LIMIT = 5.0, 8
 
 
 def scenario(reference):
