@@ -16,7 +16,8 @@ u the wavelet variance of a random walk with steps of variance 1. The Allan vari
 between the biases of neighbouring intervals T, half of it: what the filter has to follow. Of a random walk K is its
 own at every T; of a Gauss-Markov process it is sqrt(q), q = 2 beta f variance, for T far below the correlation time,
 and less beyond. T is by default where the Allan deviation of the bias comes to that of the white noise: below it the
-white noise hides the bias, and over that time a filter with these two numbers averages.
+white noise hides the bias, and over that time a filter with these two numbers averages: what it then claims of an angle
+it has integrated alone over times up to T is about what the angle does; over longer ones it claims too much error.
 
 Bias instability. B is the lowest Allan deviation of the whole model over 0.664, as IEEE 952 and datasheets have it.
 """

@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+import scipy.linalg
 
 import gmwm_jax as gj
 from gmwm_jax.fitting import white_and_bias
@@ -111,6 +112,44 @@ def test_the_interval_is_where_the_bias_comes_to_the_white_noise():
     assert "nothing is white" in str(always)
     late = white_and_bias("WN(sigma2=1e-12) + RW(gamma2=1e-10)", RATE, "rad/s", step=0.5)
     assert late.interval == 0.64
+
+
+def test_a_filter_with_these_two_numbers_is_honest():
+    """One that watches a bias for long and then goes on without: what its angle really does, over what it claims.
+
+    Truth and filter by their covariances. K alone would leave the Gauss-Markov process out, and the sum of all driving
+    noises would let it grow for ever.
+    """
+    f, sigma2, gamma2, beta, variance = 10.0, 6.6e-6, 2.8e-11, 9e-3, 1.3e-7
+    model = f"WN(sigma2={sigma2}) + RW(gamma2={gamma2}) + GM(beta={beta}, variance={variance})"
+    short = white_and_bias(model, f, "rad/s")
+    assert short.interval == 25.6
+
+    def real_over_claimed(K, seconds):
+        q = K**2 / f
+        P = (q + np.sqrt(q * q + 4 * q * sigma2)) / 2  # of the prediction, P = P - P^2/(P + sigma2) + q
+        gain = P / (P + sigma2)
+        claimed = np.diag([P * (1 - gain), 0.0])
+        phi, drive = np.exp(-beta), variance * (1 - np.exp(-2 * beta))
+        noise = np.diag([gamma2, drive, sigma2])
+        # error of the estimated bias, and the process itself, of which the filter knows nothing
+        step = np.array([[1 - gain, (1 - gain) * (1 - phi)], [0.0, phi]])
+        enter = np.array([[gain - 1, gain - 1, gain], [0.0, 1.0, 0.0]])
+        real = np.zeros((3, 3))
+        real[:2, :2] = scipy.linalg.solve_discrete_lyapunov(step, enter @ noise @ enter.T)
+        alone = np.array([[1.0, 1 - phi, 0.0], [0.0, phi, 0.0], [1 / f, (1 - phi) / f, 1.0]])
+        driven = np.array([[-1.0, -1.0, 0.0], [0.0, 1.0, 0.0], [-1 / f, -1 / f, 1 / f]])
+        walk, fed = np.array([[1.0, 0.0], [1 / f, 1.0]]), np.array([[1.0, 0.0], [1 / f, 1 / f]])
+        for _ in range(round(seconds * f)):
+            real = alone @ real @ alone.T + driven @ noise @ driven.T
+            claimed = walk @ claimed @ walk.T + fed @ np.diag([q, sigma2]) @ fed.T
+        return np.sqrt(real[2, 2] / claimed[1, 1])
+
+    for seconds in (1.0, 10.0, 25.6):
+        assert 0.8 < real_over_claimed(short.K, seconds) < 1.2
+    assert real_over_claimed(short.K, 250.0) < 0.8
+    assert real_over_claimed(np.sqrt(gamma2 * f), 25.6) > 1.5
+    assert real_over_claimed(np.sqrt(gamma2 * f + 2 * beta * f * variance), 25.6) < 0.8
 
 
 def test_the_bias_instability_is_the_lowest_allan_deviation():
