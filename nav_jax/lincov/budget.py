@@ -12,15 +12,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Int
 
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
 from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import shared_channels
 from nav_jax.filter.scenario import Scenario
-from nav_jax.imu.bank import alone
+from nav_jax.imu.bank import SensorBank, alone
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.lincov.analysis import model_of
@@ -126,20 +127,23 @@ def error_budget(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None 
     if not sources:
         raise ValueError("There is no source of error: no sensor noise, no uncertainty of the start, no aiding.")
     weights = jax.tree.map(lambda *a: jnp.stack(a), *sources.values())
-
-    @jax.jit
-    def parts(weights: _Weights) -> Array:
-        noises = jax.vmap(lambda w: _only(noise, w))(weights)
-        N = covariances_of_many(experiment, motion, noises, alone(ours), experiment.initial).true.navigation[:, at]
-        return jnp.diagonal(N, axis1=2, axis2=3)
-
     return Budget(
         setup.output_times,
         tuple(sources),
-        np.asarray(parts(weights)),
+        np.asarray(_parts(experiment, motion, noise, ours, weights, at)),
         setup.outages,
         setup.fixes,
     )
+
+
+@eqx.filter_jit
+def _parts(
+    experiment: Experiment, motion: Motion, noise: Noise, ours: SensorBank, weights: _Weights, at: Int[Array, " E"]
+) -> Float[Array, "S E nav"]:
+    """Variances of the navigation error from each source alone, at the segments `at`."""
+    noises = jax.vmap(lambda w: _only(noise, w))(weights)
+    N = covariances_of_many(experiment, motion, noises, alone(ours), experiment.initial).true.navigation[:, at]
+    return jnp.diagonal(N, axis1=2, axis2=3)
 
 
 def _only(noise: Noise, w: _Weights) -> Noise:

@@ -9,16 +9,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float64, Key
+from jaxtyping import Float, Float64, Int, Key
 
 from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
-from nav_jax.filter.experiment import Setup
+from nav_jax.filter.error_model import Motion
+from nav_jax.filter.experiment import Experiment, Setup
 from nav_jax.filter.layout import QUANTITIES
 from nav_jax.filter.parameters import ErrorLines
 from nav_jax.filter.scenario import Scenario
@@ -141,31 +143,54 @@ def calibration_effect(
     draws, covariance = _draws(lines, results, fits, key, num_draws)
     setup = Setup(scenario, errors.rate)
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
-    motion, start = motion_of(experiment), experiment.initial
-
-    def rms(true: Array, believed: Array) -> Array:
-        """Of vectors of truths and of filters, or of one of either."""
-        noises = jax.vmap(lambda x: noise_of(experiment, lines.build(x)))(true)
-        banks = jax.vmap(lambda x: lines.build(x).bank())(believed)
-        return rms_of(covariances_of_many(experiment, motion, noises, banks, start).true.navigation[:, at])
-
-    @jax.jit
-    def both(true: Array) -> tuple[Array, Array]:
-        return rms(true, lines.start[None]), rms(true, true)
-
-    def of_truth(true: Array) -> tuple[Array, Array]:
-        found = rms(true[None], lines.start[None])[0]
-        return found, found
-
-    slope, at_estimate = map(np.asarray, jax.jit(jax.jacfwd(of_truth, has_aux=True))(lines.start))
+    motion = motion_of(experiment)
+    along = (experiment, motion, lines, at)
+    slope, at_estimate = map(np.asarray, _slope(*along))
     filled = np.concatenate([draws, np.repeat(draws[-1:], -len(draws) % _AT_ONCE, axis=0)])
-    parts = [both(jnp.asarray(filled[i : i + _AT_ONCE])) for i in range(0, len(filled), _AT_ONCE)]
+    parts = [_used_and_best(*along, jnp.asarray(filled[i : i + _AT_ONCE])) for i in range(0, len(filled), _AT_ONCE)]
     used, best = (np.concatenate([np.asarray(p[i]) for p in parts])[: len(draws)] for i in range(2))
     sd = np.sqrt(np.einsum("qep,pr,qer->qe", slope, covariance, slope))
     sd = np.divide(sd, at_estimate, out=np.zeros_like(sd), where=at_estimate > 0)
     arrays = (at_estimate, np.moveaxis(used, 1, 0), np.moveaxis(best, 1, 0), sd)
     rms_found, used_of, best_of, sd_of = (dict(zip(QUANTITIES, a, strict=True)) for a in arrays)
     return CalibrationEffect(setup.output_times, rms_found, used_of, best_of, sd_of, setup.outages, setup.fixes)
+
+
+def _rms(
+    experiment: Experiment,
+    motion: Motion,
+    lines: ErrorLines,
+    at: Int[Array, " E"],
+    true: Float[Array, "#D P"],
+    believed: Float[Array, "#D P"],
+) -> Float[Array, "D Q E"]:
+    """RMS at the segments `at`, of vectors of truths and of filters, or of one of either."""
+    noises = jax.vmap(lambda x: noise_of(experiment, lines.build(x)))(true)
+    banks = jax.vmap(lambda x: lines.build(x).bank())(believed)
+    found = covariances_of_many(experiment, motion, noises, banks, experiment.initial)
+    return rms_of(found.true.navigation[:, at])
+
+
+@eqx.filter_jit
+def _used_and_best(
+    experiment: Experiment, motion: Motion, lines: ErrorLines, at: Int[Array, " E"], true: Float[Array, "D P"]
+) -> tuple[Array, Array]:
+    """RMS under truths, of the filter that believes the estimate and of those that believe the truth."""
+    used = _rms(experiment, motion, lines, at, true, lines.start[None])
+    return used, _rms(experiment, motion, lines, at, true, true)
+
+
+@eqx.filter_jit
+def _slope(
+    experiment: Experiment, motion: Motion, lines: ErrorLines, at: Int[Array, " E"]
+) -> tuple[Float[Array, "Q E P"], Float[Array, "Q E"]]:
+    """Derivative of the RMS along the truth at the estimate, which the filter believes, and the RMS there."""
+
+    def of_truth(true: Array) -> tuple[Array, Array]:
+        found = _rms(experiment, motion, lines, at, true[None], lines.start[None])[0]
+        return found, found
+
+    return jax.jacfwd(of_truth, has_aux=True)(lines.start)
 
 
 def _per_axis(given: Any) -> list[Any]:

@@ -12,10 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Int
 
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
+from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION, QUANTITIES
@@ -83,18 +84,25 @@ class Sensitivities(Judged, Drawable):
         return f"{title}\n{self.table()}"
 
 
-class _Problem:
+class _Problem(eqx.Module):
     """Everything that has a derivative, as one vector."""
 
+    experiment: Experiment
+    truth: ErrorLines
+    believed: ErrorLines
+    aiding: AidingLines
+    start: Float[Array, " P"]
+    starts: tuple[str, ...] = eqx.field(static=True)
+    """Parts of the navigation state that are uncertain at the start."""
+    names: tuple[str, ...] = eqx.field(static=True)
+    sides: tuple[str, ...] = eqx.field(static=True)
+    cuts: tuple[int, ...] = eqx.field(static=True)
+
     def __init__(self, experiment: Experiment, truth: ImuErrors, believed: ImuErrors):
-        self.experiment = experiment
-        self.truth, self.believed, self.aiding = (
-            ErrorLines(truth),
-            ErrorLines(believed),
-            AidingLines(experiment.sensors),
-        )
+        self.experiment, self.aiding = experiment, AidingLines(experiment.sensors)
+        self.truth, self.believed = ErrorLines(truth), ErrorLines(believed)
         known = np.diag(np.asarray(experiment.initial.covariance))
-        self.starts = [name for name in NAVIGATION.names if known[NAVIGATION[name]].any()]
+        self.starts = tuple(name for name in NAVIGATION.names if known[NAVIGATION[name]].any())
         factors = (*self.aiding.names, *(f"start {name} sd" for name in self.starts))
         self.names = (*self.truth.names, *factors, *self.believed.names, *factors)
         half = len(self.truth.names) + len(factors)
@@ -102,7 +110,7 @@ class _Problem:
         zero = jnp.zeros(len(factors))
         self.start = jnp.concatenate([self.truth.start, zero, self.believed.start, zero])
         sizes = [len(self.truth.names), len(self.aiding.names), len(self.starts)]
-        self.cuts = np.cumsum([*sizes, len(self.believed.names), *sizes[1:]])[:-1]
+        self.cuts = tuple(np.cumsum([*sizes, len(self.believed.names), *sizes[1:]])[:-1].tolist())
 
     def parts(self, vector: Float[Array, " P"]) -> tuple[Experiment, Noise, ImuErrors, InitialUncertainty]:
         """Arguments of `covariances_along`."""
@@ -163,14 +171,7 @@ def sensitivities(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None
     setup = Setup(scenario, check_rates(truth, {"filter": believed}))
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
     motion, problem = motion_of(experiment), _Problem(experiment, truth, believed)
-
-    def errors(vector: Array) -> tuple[Array, Array]:
-        experiment, noise, filter, start = problem.parts(vector)
-        N = covariances_along(experiment, motion, noise, filter.bank(), start).true.navigation[at]
-        rms = rms_of(N)
-        return rms, rms
-
-    derivative, rms = jax.jit(jax.jacfwd(errors, has_aux=True))(problem.start)
+    derivative, rms = _derivatives(problem, motion, at)
     return Sensitivities(
         setup.output_times,
         problem.sides,
@@ -180,3 +181,18 @@ def sensitivities(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None
         setup.outages,
         setup.fixes,
     )
+
+
+@eqx.filter_jit
+def _derivatives(
+    problem: _Problem, motion: Motion, at: Int[Array, " E"]
+) -> tuple[Float[Array, "Q E P"], Float[Array, "Q E"]]:
+    """Of the RMS of each quantity at the segments `at`, and the RMS."""
+
+    def errors(vector: Array) -> tuple[Array, Array]:
+        experiment, noise, filter, start = problem.parts(vector)
+        N = covariances_along(experiment, motion, noise, filter.bank(), start).true.navigation[at]
+        rms = rms_of(N)
+        return rms, rms
+
+    return jax.jacfwd(errors, has_aux=True)(problem.start)

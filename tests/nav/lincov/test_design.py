@@ -11,6 +11,7 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+from gmwm_jax._internal.programs import num_programs
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 
 REFERENCE, AIDING = setups.SCENARIO.reference, setups.SCENARIO.aiding
@@ -181,6 +182,17 @@ def test_a_correlated_start_is_one_source():
     white = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE)
     b = nj.error_budget(dataclasses.replace(SCENARIO, initial=start), white)
     assert [s for s in b.sources if s.startswith("start")] == ["start"]
+
+
+def test_other_numbers_compile_nothing(slopes, budget):
+    lines = ErrorLines(TRUTH)
+    truth = lines.build(lines.start + 0.25)
+    before = num_programs()
+    rms = nj.sensitivities(SCENARIO, truth, FEWER).rms["position"]
+    square = nj.error_budget(SCENARIO, truth, FEWER).mean_square("position")
+    assert num_programs() == before
+    assert not np.allclose(rms, slopes.rms["position"], rtol=1e-2)
+    assert not np.allclose(square, budget.mean_square("position"), rtol=1e-2)
 
 
 # -- what a calibration leaves open -----------------------------------------------------------------------------------
