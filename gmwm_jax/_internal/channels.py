@@ -1,11 +1,17 @@
 """Results of several channels, by name of the channel: one class for all kinds of result."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import UNIT_OF_CHANNEL, Labelled, import_pandas
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import register
+from gmwm_jax._internal.stores import import_xarray
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 
 @runtime_checkable
@@ -68,6 +74,40 @@ class Channels(Mapping[str, T], Drawable, Saved, Generic[T]):
         if not hasattr(kind, "export_of"):
             raise TypeError(f"Fits are exported, and these are of the class {kind.__name__}.")
         return kind.export_of(list(self.values()), format, **options)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All channels as one Dataset along `channel`, with the units of each; needs the extra ``io``.
+
+        Raises
+        ------
+        TypeError
+            The results have none.
+        """
+        xarray = import_xarray()
+        each = [r.to_xarray() for r in self._labelled()]
+        joined = xarray.concat(
+            each, "channel", coords="different", compat="equals", join="outer", combine_attrs="drop_conflicts"
+        )
+        for name, variable in joined.data_vars.items():
+            if "units" in each[0][name].attrs and "units" not in variable.attrs:  # they differ
+                variable.attrs["units"] = UNIT_OF_CHANNEL
+        return joined.assign_coords(channel=list(self))
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """The tables of all channels below each other, in the units of `to_xarray`; needs the extra ``io``.
+
+        Raises
+        ------
+        TypeError
+            The results have none.
+        """
+        tables = {name: r.to_pandas() for name, r in zip(self, self._labelled(), strict=True)}
+        return import_pandas().concat(tables, names=["channel"])
+
+    def _labelled(self) -> list[Labelled]:
+        if not self or not isinstance(self[0], Labelled):
+            raise TypeError(f"{type(self[0]).__name__ if self else 'Nothing'} has no table for pandas or xarray.")
+        return list(self.values())  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         """One row a channel."""

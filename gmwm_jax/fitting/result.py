@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jax import Array
@@ -14,6 +14,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -35,6 +36,9 @@ from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.wavelet import WaveletVariance
 
+if TYPE_CHECKING:
+    import pandas
+
 
 class Status(enum.Enum):
     """How the search for the minimum ended."""
@@ -55,7 +59,7 @@ def _check(fit: "Fit") -> None:
 
 @saved(not_finite=("objective",), check=_check)
 @dataclass(frozen=True, repr=False)
-class Fit(Drawable, Saved):
+class Fit(Drawable, Saved, Labelled):
     """A model fitted to the wavelet variance of one channel.
 
     Attributes
@@ -420,6 +424,49 @@ class Fit(Drawable, Saved):
             {"kind": p.kind, **{q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True)}}
             for p in self.reduced.processes
         ]
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """A row an estimate, per sample and with a rate also in continuous time and as a datasheet has it.
+
+        It needs the extra ``io``.
+        """
+        pandas = import_pandas()
+        tables = {"per sample": self.parameters()}
+        if self.rate:
+            tables |= {"continuous": self.continuous(), "datasheet": self.datasheet()}
+        rows = [{"form": form, **row} for form, table in tables.items() for row in table.to_list()]
+        return pandas.DataFrame(rows).astype({name: float for name in ("value", "ci_low", "ci_high")})
+
+    def _arrays(self) -> Arrays:
+        """What was fitted and what came out, a row a scale; and the parameters per sample."""
+        wv, table = self.wv._arrays(), self.parameters()
+        unit = wv.variables["variance"].unit
+        variables = {
+            **wv.variables,
+            "fitted": Values("scale", self.fitted, unit),
+            "residual": Values("scale", self.residuals, unit),
+            "component_variance": Values(("component", "scale"), list(self.decomposition().values()), unit),
+            "estimate": Values("parameter", [e.value for e in table], UNIT_OF_PARAMETER),
+            "estimate_low": Values("parameter", [e.ci_low for e in table], UNIT_OF_PARAMETER),
+            "estimate_high": Values("parameter", [e.ci_high for e in table], UNIT_OF_PARAMETER),
+            "note": Values("parameter", [str(e.note) for e in table]),
+            "objective": Values((), self.objective),
+            "agreement": Values((), self.agreement),
+            "status": Values((), self.status.name),
+        }
+        coordinates = {
+            **wv.coordinates,
+            "component": Values("component", self.model.labels),
+            "parameter": Values("parameter", [f"{e.component} {e.symbol}" for e in table]),
+            "parameter_unit": Values("parameter", [e.unit for e in table]),
+        }
+        attributes = {
+            **wv.attributes,
+            "model": " + ".join(p.kind for p in self.model.processes),
+            "weights": self.weights.name,
+            "level": self.level,
+        }
+        return Arrays(variables, coordinates, attributes, ("scale",))
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and texts, for JSON; what is not identified is None."""

@@ -5,7 +5,7 @@ The wavelet variances of the replicates are those of simulated records, or drawn
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
@@ -22,6 +23,9 @@ from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.inference.intervals import continuous_intervals, interval, replicates_needed
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
+if TYPE_CHECKING:
+    import pandas
+
 RECORDS, VARIANCES = "records", "variances"
 CHUNK = 64
 """Replicates drawn and estimated at once, between two looks at the keyboard."""
@@ -29,7 +33,7 @@ CHUNK = 64
 
 @saved(not_finite=("variances", "values", "objective"))
 @dataclass(frozen=True, repr=False)
-class Bootstrap(Drawable, Saved):
+class Bootstrap(Drawable, Saved, Labelled):
     """The result of `bootstrap`: B replicates of a fit.
 
     Attributes
@@ -131,6 +135,31 @@ class Bootstrap(Drawable, Saved):
     def _table(self, table: EstimateTable, shown: list[Estimate], kind: str, level: float | None) -> EstimateTable:
         title = f"{table.title}, {kind} intervals from {len(self.good)} replicates"
         return EstimateTable(title, tuple(shown), self.fit.level if level is None else level)
+
+    def _arrays(self) -> Arrays:
+        """A row a replicate and parameter."""
+        fit, wv = self.fit, self.fit.wv._arrays()
+        units = [q.unit.format(u=fit.unit) for p in fit.model.processes for q in p.parameters]
+        variables = {
+            "value": Values(("replicate", "parameter"), self.values, UNIT_OF_PARAMETER),
+            "objective": Values("replicate", self.objective),
+            "converged": Values("replicate", self.converged),
+            "variance": Values(("replicate", "scale"), self.variances, wv.variables["variance"].unit),
+            "estimate": Values("parameter", [float(v) for p in fit.model.processes for v in p.values]),
+        }
+        coordinates = {
+            **wv.coordinates,
+            "replicate": Values("replicate", np.arange(len(self.values))),
+            "parameter": Values("parameter", self.names),
+            "parameter_unit": Values("parameter", units),
+        }
+        attributes = {"route": self.route, "num_requested": self.num_requested, "objective_of_data": fit.objective}
+        return Arrays(variables, coordinates, attributes, ("replicate", "parameter"))
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """A row a replicate: objective, whether its search converged, and the estimates; needs the extra ``io``."""
+        columns = {"objective": self.objective, "converged": self.converged}
+        return import_pandas().DataFrame(columns | dict(zip(self.names, self.values.T, strict=True)))
 
     def __repr__(self) -> str:
         """What was done, the test of fit, and the parameters if there are replicates enough."""

@@ -23,6 +23,7 @@ from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.saved import Saved
@@ -115,7 +116,7 @@ class Candidate:
 
 @saved()
 @dataclass(frozen=True, repr=False)
-class Selection(Mapping[str, Candidate], Drawable, Saved):
+class Selection(Mapping[str, Candidate], Drawable, Saved, Labelled):
     """The candidates for one channel, the best first; those contained in smaller ones, and failed fits, come last.
 
     Attributes
@@ -197,6 +198,21 @@ class Selection(Mapping[str, Candidate], Drawable, Saved):
         if self.recommended.p_value < _REJECTED:
             lines += [f"No model describes every scale: the recommended one has p = {self.recommended.p_value:.2g}."]
         return "\n".join(lines)
+
+    def _arrays(self) -> Arrays:
+        """A row a candidate."""
+        names = ("num_parameters", "objective", "optimism", "criterion", "difference", "standard_error", "p_value")
+        texts = ("contained_in", "worse_than")
+        columns = {name: Values("model", [getattr(c, name) for c in self.candidates]) for name in (*names, *texts)}
+        columns["status"] = Values("model", [c.fit.status.name for c in self.candidates])
+        equivalent = {c.name for c in self.equivalent}
+        columns["equivalent"] = Values("model", [c.name in equivalent for c in self.candidates])
+        columns["recommended"] = Values("model", [c is self.recommended for c in self.candidates])
+        wv = self.superset.wv._arrays()
+        fitted = Values(("model", "scale"), [c.fit.fitted for c in self.candidates], wv.variables["variance"].unit)
+        coordinates = {**wv.coordinates, "model": Values("model", list(self))}
+        attributes = {**wv.attributes, "level": self.level, "num_replicates": self.num_replicates}
+        return Arrays({**columns, **wv.variables, "fitted": fitted}, coordinates, attributes, ("model",))
 
     @classmethod
     def table_of(cls, selections: Sequence["Selection"], /) -> str:

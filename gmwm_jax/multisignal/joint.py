@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from jaxtyping import Float
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, typed_key
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -37,10 +38,13 @@ from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances
 
+if TYPE_CHECKING:
+    import pandas
+
 
 @saved()
 @dataclass(frozen=True, repr=False)
-class JointFit(Drawable, Saved):
+class JointFit(Drawable, Saved, Labelled):
     """One model fitted to several records of one channel (Bakalli et al. 2023).
 
     Its intervals hold if all records have the same parameters; `resample_records` gives intervals that do not need
@@ -209,6 +213,24 @@ class JointFit(Drawable, Saved):
         else:
             lines += ["", "Intervals are those of records that all have the same parameters."]
         return "\n".join(lines)
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """A row an estimate, see `Fit.to_pandas`."""
+        return self.fit.to_pandas()
+
+    def _arrays(self) -> Arrays:
+        """Those of the fit, and the wavelet variance of each record: NaN at scales that it does not have."""
+        joint = self.fit._arrays()
+        of_records = np.full((len(self.records), self.wv.num_scales), np.nan)
+        for row, r in zip(of_records, self.records, strict=True):
+            row[: r.wv.num_scales] = r.wv.variance
+        variables = {
+            "record_variance": Values(("record", "scale"), of_records, joint.variables["variance"].unit),
+            "record_objective": Values("record", [r.objective for r in self.records]),
+        }
+        variables["objective"] = Values((), self.objective)
+        coordinates = {**joint.coordinates, "record": Values("record", self.names)}
+        return joint._replace(variables={**joint.variables, **variables}, coordinates=coordinates)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain numbers and texts, for JSON; ``variance`` is the weighted mean of the records."""

@@ -20,6 +20,7 @@ from gmwm_jax._internal.checks import (
     unmasked,
 )
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import UNIT_OF_CHANNEL, Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -45,7 +46,7 @@ def _check(wv: "AbstractWaveletVariance") -> None:
 
 
 @dataclass(frozen=True, repr=False)
-class AbstractWaveletVariance(Drawable, Saved):
+class AbstractWaveletVariance(Drawable, Saved, Labelled):
     """What the wavelet variances of one channel and of several have in common.
 
     Attributes
@@ -147,6 +148,23 @@ class AbstractWaveletVariance(Drawable, Saved):
     def items(self) -> Iterable[tuple[str, "WaveletVariance"]]:
         """Iterate over pairs of channel name and its wavelet variance."""
         return ((name, self[i]) for i, name in enumerate(self.channels))
+
+    def _arrays(self) -> Arrays:
+        """A row a scale, and of several channels a row a scale and channel."""
+        several = self.variance.ndim > 1
+        dims, of = (("scale", "channel"), "channel") if several else (("scale",), ())
+        unit = UNIT_OF_CHANNEL if several else f"({self.units[0]})^2"
+        names, units = (self.channels, self.units) if several else (self.channels[0], self.units[0])
+        values = {name: Values(dims, getattr(self, name), unit) for name in ("variance", "ci_low", "ci_high")}
+        coordinates = {
+            "scale": Values("scale", self.scales, "samples"),
+            "time": Values("scale", self.times, "s" if self.rate else "samples"),
+            "channel": Values(of, names),
+            "unit": Values(of, units),
+        }
+        known = {"rate": self.rate, "num_samples": self.num_samples, "level": self.level, "name": self.name}
+        attributes = {k: v for k, v in known.items() if v} | {"estimator": self.estimator.name}
+        return Arrays(values, coordinates, attributes, dims)
 
     def __repr__(self) -> str:
         """A table: a row a scale, a column a channel (with the interval if there is only one)."""

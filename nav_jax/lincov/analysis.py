@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -155,7 +156,7 @@ def _check(analysis: "Analysis") -> None:
 
 @saved(check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Analysis(Mapping[str, Covariances], Drawable, Saved):
+class Analysis(Mapping[str, Covariances], Drawable, Saved, Labelled):
     """The result of `analyse`: several filters along one reference, by their names."""
 
     filters: Mapping[str, Covariances]
@@ -172,6 +173,30 @@ class Analysis(Mapping[str, Covariances], Drawable, Saved):
 
     def __len__(self) -> int:
         return len(self.filters)
+
+    def _arrays(self) -> Arrays:
+        """Covariances, and a row a filter, epoch and block with the RMS of its norm."""
+        first, each = next(iter(self.filters.values())), self.filters.values()
+        rows, matrix = ("filter", "time", "block"), ("filter", "time", "component", "component_2")
+        by_block, by_component = (f"of each {x}: see the coordinate {x}_unit" for x in ("block", "component"))
+        blocks = [b.name for b in JUDGED.blocks]
+        variables = {
+            "rms": Values(rows, [np.stack([c.rms(b) for b in blocks], 1) for c in each], by_block),
+            "rms_claimed": Values(rows, [np.stack([c.rms_claimed(b) for b in blocks], 1) for c in each], by_block),
+            "true": Values(matrix, [c.true for c in each], f"product of two components; {by_component}"),
+            "claimed": Values(matrix, [c.claimed for c in each], f"product of two components; {by_component}"),
+        }
+        coordinates = {
+            "filter": Values("filter", list(self)),
+            "time": Values("time", first.time, "s"),
+            "block": Values("block", blocks),
+            "block_unit": Values("block", [b.unit for b in JUDGED.blocks]),
+            "component": Values("component", JUDGED.components),
+            "component_2": Values("component_2", JUDGED.components),
+            "component_unit": Values("component", JUDGED.units),
+        }
+        attributes = {"reference": self.reference, "truth": self.truth, "frames": "n: NED; b: forward, right, down; SI"}
+        return Arrays(variables, coordinates, attributes, rows)
 
     def __repr__(self) -> str:
         """The filters from the smallest true position error on, at the judged epoch."""

@@ -23,6 +23,7 @@ import numpy as np
 from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.chunks import until_interrupted
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -95,7 +96,7 @@ def _check(design: "Design") -> None:
 
 @saved(check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(Drawable, Saved):
+class Design(Drawable, Saved, Labelled):
     """The result of `design`: the best filter of each structure, with fewer states first.
 
     Attributes
@@ -161,6 +162,22 @@ class Design(Drawable, Saved):
         filters = {"designed": c.errors, "truncated": c.naive, "right": self.truth}
         filters = {name: f for name, f in filters.items() if f is not None}
         return tuple(compare(s, self.truth, filters, num_runs=num_runs, key=key, **options) for s in self.scenarios)
+
+    def _arrays(self) -> Arrays:
+        """A row a candidate, at the judged epochs as `table`."""
+        names = ("num_states", "num_accel", "num_gyro", "loss", "loss_naive", "converged")
+        variables = {name: Values("filter", [getattr(c, name) for c in self.candidates]) for name in names}
+        front = {id(c) for c in self.pareto}
+        variables["best"] = Values("filter", [id(c) in front for c in self.candidates])
+        for end, of in (("", "covariances"), ("_truncated", "covariances_naive")):
+            seen = zip(*(judged(getattr(c, of)) for c in self.candidates), strict=True)
+            for (name, unit), column in zip(
+                (("position", "m"), ("position_claimed", "m"), ("nees_over_9", "1")), seen, strict=True
+            ):
+                variables[f"{name}{end}"] = Values("filter", column, unit)
+        coordinates = {"filter": Values("filter", [c.name for c in self.candidates])}
+        attributes = {"objective": self.objective, "truth": repr(self.truth), "complete": int(self.complete)}
+        return Arrays(variables, coordinates, attributes, ("filter",))
 
     def table(self) -> str:
         """States against error, at the judged epoch of each scenario (root mean square over the scenarios)."""

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float64
 from gmwm_jax._internal.checks import integer, of_kind, probability
 from gmwm_jax._internal.checks import number as check_number
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -44,7 +45,7 @@ def _check(tuning: "Tuning") -> None:
 
 @saved(not_finite=("se", "ci_low", "ci_high"), check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Tuning(Drawable, Saved):
+class Tuning(Drawable, Saved, Labelled):
     """The result of `tune`: the noise parameters that a recorded run makes most likely.
 
     Attributes
@@ -100,6 +101,17 @@ class Tuning(Drawable, Saved):
     num_innovations: int
     converged: bool
     level: float
+
+    def _arrays(self) -> Arrays:
+        """A row a parameter."""
+        per_sample = "SI, per sample; a factor for an aiding sensor"
+        units = dict.fromkeys(("start", "value", "ci_low", "ci_high"), per_sample) | {"se": "1"}
+        names = ("start", "value", "ci_low", "ci_high", "se", "sought", "lost", "observable")
+        variables = {name: Values("parameter", getattr(self, name), units.get(name, "")) for name in names}
+        variables["remark"] = Values("parameter", self.remarks)
+        attributes = {"loss_start": self.loss_start, "loss": self.loss, "level": self.level}
+        attributes |= {"num_innovations": self.num_innovations, "converged": int(self.converged)}
+        return Arrays(variables, {"parameter": Values("parameter", self.names)}, attributes, ("parameter",))
 
     def table(self) -> str:
         """Each parameter before and after, with its interval."""
