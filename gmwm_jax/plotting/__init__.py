@@ -30,6 +30,7 @@ from gmwm_jax.plotting.inference import plot_selections as plot_selections
 from gmwm_jax.plotting.inference import selection_data as selection_data
 from gmwm_jax.plotting.inference import selections_data as selections_data
 from gmwm_jax.plotting.multisignal import cross_validation_data as cross_validation_data
+from gmwm_jax.plotting.multisignal import cross_validations_data as cross_validations_data
 from gmwm_jax.plotting.multisignal import joint_fit_data as joint_fit_data
 from gmwm_jax.plotting.multisignal import joint_fits_data as joint_fits_data
 from gmwm_jax.plotting.multisignal import near_stationarity_data as near_stationarity_data

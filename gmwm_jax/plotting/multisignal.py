@@ -361,8 +361,28 @@ def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None)
     >>> figure.savefig("cross_validation.png")
     """
     figure, (ax,) = frames(axes, 1, 1, (6.4, 0.9 + 0.42 * len(cv)))
-    _draw_scores(ax, cv)
+    _draw_scores(ax, cv, *cross_validation_data(cv))
     return figure
+
+
+def cross_validations_data(validations: Channels[CrossValidation]) -> tuple[Frame, ...]:
+    """Return what `plot_cross_validations` shows: the frame of each channel, see `cross_validation_data`.
+
+    Parameters
+    ----------
+    validations
+        Of several channels.
+
+    Examples
+    --------
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x", "accel_y"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> frames = gj.plotting.cross_validations_data(gj.multisignal.cross_validate(units, ["WN", "WN + RW"]))
+    >>> len(frames)
+    2
+    """
+    return tuple(frame for cv in validations.values() for frame in cross_validation_data(cv))
 
 
 @draws_channels_of(CrossValidation)
@@ -386,14 +406,13 @@ def plot_cross_validations(validations: Channels[CrossValidation], *, axes: Give
     """
     height = 0.9 + 0.42 * len(validations[0])
     figure, panels = frames(axes, len(validations), 1, (6.4, height * len(validations)))
-    for ax, cv in zip(panels, validations.values(), strict=True):
-        _draw_scores(ax, cv)
+    for ax, cv, frame in zip(panels, validations.values(), cross_validations_data(validations), strict=True):
+        _draw_scores(ax, cv, frame)
     return figure
 
 
-def _draw_scores(ax: Axes, cv: CrossValidation) -> None:
+def _draw_scores(ax: Axes, cv: CrossValidation, frame: Frame) -> None:
     """One channel."""
-    (frame,) = cross_validation_data(cv)
     bars, zero = frame.items
     assert isinstance(bars, Bars)
     for i, p in enumerate(cv.scores):
