@@ -361,6 +361,33 @@ def signal_unit(name: str) -> SignalUnit:
     )
 
 
+_COUNTS = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?:\s*/\s*(\d[\d.]*(?:[eE][-+]?\d+)?)(?:\^(-?\d+))?)?\s*(.*)")
+
+
+def counts(text: str) -> tuple[float, str]:
+    """Read the size of a count, as ``0.1 deg/s``, ``1/16.4 deg/s`` or ``200/2^31 m/s``.
+
+    Returns
+    -------
+    The number, and the unit of a signal.
+
+    Raises
+    ------
+    ValueError
+        No number with a unit; a unit that is unknown or no sensor signal.
+
+    Examples
+    --------
+    >>> gj.units.counts("1/16 deg/s")
+    (0.0625, 'deg/s')
+    """
+    found = _COUNTS.fullmatch(text)
+    if found is None or not found[4]:
+        raise ValueError(f'The size of a count is a number with a unit, as in "0.1 deg/s", and not {text!r}.')
+    signal_unit(found[4])
+    return float(found[1]) / float(found[2] or 1) ** int(found[3] or 1), found[4]
+
+
 def require_si(unit: str) -> None:
     """Raise unless this is the unit of a signal inside the package.
 

@@ -7,6 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 
+def _zero(columns: Sequence[np.ndarray]) -> float:
+    return 0.0
+
+
 class Stamps(NamedTuple):
     """How columns of a source make its time."""
 
@@ -15,6 +19,8 @@ class Stamps(NamedTuple):
     """Those columns -> seconds, (N,), from any zero."""
     label: str
     """As a person calls it."""
+    first: Callable[[Sequence[np.ndarray]], float] = _zero
+    """Those columns -> the first time in s, on a clock that other files share."""
 
 
 def _no_text(column: int, parse: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

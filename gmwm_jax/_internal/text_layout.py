@@ -200,6 +200,9 @@ def _names(
 def _row(text: str, separator: str | None, first: Sequence[str]) -> tuple[str, ...] | None:
     """Return the fields of a line that may hold names, as many as there are columns."""
     row, count = split(text, separator), len(first)
+    if separator is None and len(row) != count:  # a unit in brackets belongs to its name, blanks may stand in names
+        ways = (re.sub(r"\s+(?=[\[(])", "", text).split(), re.split(r"\s{2,}", text.strip()), [text.strip()])
+        row = next((way for way in ways if len(way) == count), row)
     if separator is not None and len(row) == count + 1 and not row[-1]:  # ends in a separator
         row = row[:-1]
     elif separator is not None and len(row) == count - 1 and not first[-1]:

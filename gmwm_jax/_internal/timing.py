@@ -35,6 +35,13 @@ _UNSURE = 0.005
 """Relative standard deviation beyond which stamps tell no rate."""
 
 
+WAYS_OUT = (
+    'A gap that is closed silently changes every scale: gaps="nan" puts NaN where samples are missing and leaves out '
+    'rows that were written twice, gaps="longest" takes the longest run.'
+)
+"""Said where a record with gaps is refused."""
+
+
 class Timing(NamedTuple):
     """The time of a record."""
 
@@ -68,8 +75,10 @@ class Timing(NamedTuple):
         """Times of the rows on the grid, in s on the clock of the stamps: stamps, smoothed."""
         return self.start + self.place / self.rate
 
-    def kept(self, policy: str) -> slice | np.ndarray:
+    def kept(self, policy: str, ways_out: str = WAYS_OUT) -> slice | np.ndarray:
         """Return the rows that are left where missing samples are refused, or the longest run is taken.
+
+        The message of a refusal ends in `ways_out`.
 
         Raises
         ------
@@ -96,17 +105,10 @@ class Timing(NamedTuple):
             lost = int(self.place[at] - self.place[at - 1]) - 1
             raise ValueError(
                 f"Time has a gap of {(lost + 1) / self.rate:.6g} s before index {at}, where the usual step is "
-                f"{1 / self.rate:.6g} s: {self.missing} samples are missing in {self.gaps} gaps. {WAYS_OUT}"
+                f"{1 / self.rate:.6g} s: {self.missing} samples are missing in {self.gaps} gaps. {ways_out}"
             )
         at = int(np.flatnonzero(np.diff(self.place) == 0)[0]) + 1
-        raise ValueError(f"{self.duplicated} rows were written twice, the first at index {at}. {WAYS_OUT}")
-
-
-WAYS_OUT = (
-    'A gap that is closed silently changes every scale: gaps="nan" puts NaN where samples are missing and leaves out '
-    'rows that were written twice, gaps="longest" takes the longest run.'
-)
-"""Said where a record with gaps is refused."""
+        raise ValueError(f"{self.duplicated} rows were written twice, the first at index {at}. {ways_out}")
 
 
 def timing(seconds: np.ndarray, repeated: Callable[[np.ndarray], np.ndarray] | None = None) -> Timing:

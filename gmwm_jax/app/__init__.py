@@ -17,17 +17,22 @@ gyro_x   rad/s  0.5291314  converged  1.3012e-05  2.3127e-11   1.7347   3.8279e-
 accel_x  m/s^2  0.3303232  converged  1.9132e-05  4.0046e-11   1.8347   6.3682e-05
 ```
 
-A public recording, recognised by its content, needs neither rate nor unit; nor does a file of `save_recording`. Others
-do:
+A public recording, recognised by its content, needs neither rate nor unit; nor does a file of `save_recording`, or
+one of a logger that is known. Others do:
 
 ```sh
 gmwm-jax fit adis_16405_imu1.rda --channels all --model "WN + 2*GM + RW"
-gmwm-jax wv static.csv --time time --unit "gyro=deg/s,accel=g" --allan --plot allan.png
-gmwm-jax wv logger.npy --rate 200 --unit deg/s --json -
+gmwm-jax wv static.csv --time time --units "gyro=deg/s,accel=g" --allan --plot allan.png
+gmwm-jax wv logger.npy --rate 200 --units deg/s --json -
+gmwm-jax wv MT_0312.txt.gz --gaps nan
+gmwm-jax wv run.bag --variable /imu/data --channels gyro
+gmwm-jax wv imu.txt --format kf-gins
+gmwm-jax wv span.asc --scale adis16488
+gmwm-jax wv counts.csv --time t_ms --scale "gyro=0.1 deg/s,accel=1.25 mg"
 ```
 
-A file whose columns have no names is read by `--columns 1,2,3`; `--time-unit`, `--delimiter` and `--level` are there
-too.
+What was understood (format, rate, jitter, missing samples, columns, units) is said on standard error. A file whose
+columns have no names is read by `--columns 1,2,3`; every option of `read_recording` is there, by its name.
 
 Which model, and how sure? `select` ranks all sub-models; `fit` takes replicates, other weights, and a wavelet variance
 that gives outliers no weight:

@@ -9,12 +9,10 @@ import numpy as np
 from gmwm_jax._internal import stamps
 from gmwm_jax._internal.columns import Columns, Stamps, plain_name
 from gmwm_jax._internal.imu_names import role_of
-from gmwm_jax.units import of_column, signal_unit, time_size
+from gmwm_jax.units import counts, of_column, signal_unit, time_size
 
 _TIME = re.compile(r"t(_(s|ms|us|ns))?|(.*_)?(time|timestamps?|sec|secs|seconds?)(_.*)?")
 """Names of columns of time: ``t``, ``time_s``, ``timestamp_ns``, ``sys_time`` ..."""
-
-_NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?:\s*/\s*(\d[\d.]*(?:[eE][-+]?\d+)?)(?:\^(-?\d+))?)?\s*(.*)")
 
 
 class Names(NamedTuple):
@@ -176,14 +174,15 @@ def signals_of(
     scales = _per_channel("scale", scale, labels, table, names)
     given = _per_channel("units", units, labels, table, names)
     found: list[Signal | None] = []
-    for label, told, unit, counts in zip(labels, stated, given, scales, strict=True):
+    for label, told, unit, size in zip(labels, stated, given, scales, strict=True):
         told = told if told is not None and is_signal(told) else None
         if unit is not None:
             signal_unit(unit)  # known
-        if counts is not None:
+        if size is not None:
             if unit is not None or told is not None:
                 raise ValueError(f"{label} is in {unit or told}, and scale=... is for counts: leave one of them out.")
-            found.append(_scaled(counts))
+            factor, name = counts(size)
+            found.append(Signal(name, factor, size))
             continue
         if unit is not None and told is not None and signal_unit(unit) != signal_unit(told):
             raise ValueError(f"units=... says that {label} is in {unit}, and the file says {told}: leave it out.")
@@ -272,13 +271,3 @@ def _meant(key: str, labels: Sequence[str], table: Columns, names: Names) -> lis
     except ValueError:
         return []
     return [labels.index(label)] if label in labels else []
-
-
-def _scaled(text: str) -> Signal:
-    """Read ``0.1 deg/s``, ``1/16.4 deg/s`` or ``200/2^31 m/s``."""
-    found = _NUMBER.fullmatch(str(text))
-    if found is None or not found[4]:
-        raise ValueError(f'scale=... is a number with a unit, as in "0.1 deg/s", and not {text!r}.')
-    signal_unit(found[4])
-    divisor = float(found[2] or 1) ** int(found[3] or 1)
-    return Signal(found[4], float(found[1]) / divisor, str(text).strip())

@@ -74,9 +74,12 @@ class RecordSection(Section):
 
     imu: str
     units: dict[Literal["gyro", "accel"], str] | None = None
+    scale: str | dict[Literal["gyro", "accel"], str] | None = None
     rate: Frequency | None = None
     columns: Columns | None = None
     time_unit: str | None = None
+    gaps: str | None = None
+    format: str | None = None
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None

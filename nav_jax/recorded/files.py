@@ -2,40 +2,47 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmwm_jax._internal.checks import increasing, real_array, require_x64
+from gmwm_jax._internal.checks import real_array, require_x64, sampling_rate
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
+from gmwm_jax._internal.timing import longest_rise, timing
 from gmwm_jax._internal.typing import Real
+from gmwm_jax.units import counts
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.registry import AIDING
 from nav_jax.imu.imu import Imu
 from nav_jax.trajectory.columns import ACCEL, GYRO, Reader, pick
 
-_EVEN = 0.01
-"""Fraction by which steps of time may differ: those of an Imu."""
-
 
 def read_imu(
     source: Any,
     *,
     units: Mapping[str, str] | None = None,
+    scale: str | Mapping[str, str] | None = None,
     rate: Real | None = None,
     columns: Mapping[str, int | str] | None = None,
     time_unit: str | None = None,
+    gaps: str = "refuse",
+    format: str | None = None,
     delimiter: str | None = None,
     header: int | None = None,
     variable: str | None = None,
 ) -> Imu:
     """Read the samples of an IMU from a file, an array, a mapping, a DataFrame or an xarray Dataset.
 
-    Files are those of `nav_jax.read_trajectory`. The columns are time, gyro x, y, z and accelerometer x, y, z (body
-    front, right, down; specific force). They are found by their names (``time``, ``gyro_x``, ``accel_z`` ..., also with
-    a unit behind: ``gyro_x_deg_s``), or, without names, by the order just said.
+    Files are those of `gmwm_jax.read_recording`, formats of loggers included. The columns are time, gyro x, y, z and
+    accelerometer x, y, z (specific force). They are found by their names (``time``, ``gyro_x``, ``accel_z`` ..., also
+    with a unit behind: ``gyro_x_deg_s``), by the format, or, without names, by the order just said. Axes are taken for
+    body front, right, down, as they stand in the file.
+
+    Stamps are regressed, not trusted: where they are rounded or jitter, samples get the times of the grid of their
+    rate. Of formats, times are seconds of the GPS week (``kf-gins``, ``novatel``) or since 1970 (``ros``, ``euroc``,
+    ``kitti``).
 
     Parameters
     ----------
@@ -43,30 +50,36 @@ def read_imu(
         Path or table.
     units
         ``{"gyro": "rad/s", "accel": "m/s^2"}``; of gyros also ``deg/s`` and ``deg/h``, of accelerometers ``g`` and
-        ``mg``. Needed unless the names say it.
+        ``mg``, and increments per sample (``rad``, ``m/s``). Needed unless the names or the format say it.
+    scale
+        Of counts, in place of `units`: ``{"gyro": "0.1 deg/s", "accel": "1.25 mg"}``, or the type of IMU of a NovAtel
+        log.
     rate
-        Hz; from the times unless given. Stamps that are rounded (to milliseconds, say) or late now and then are
-        replaced by the line through them, where no sample is missing.
+        Hz; from the times unless given.
     columns
         Columns that are not found by their names, as in ``{"gyro_x": "wx"}``, by name or number.
     time_unit
         ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another.
+    gaps
+        Where samples are missing: ``refuse``, an error, or ``longest``, the longest run is taken.
+    format
+        Of the logger, see `gmwm_jax.read_recording`; found by the content where that is certain.
     delimiter
         Of a text file; found unless given.
     header
-        Number of lines of a text file to skip; comments and at most one line of names unless given.
+        Number of the line of names of a text file, from 1; 0: no line has them. Found unless given.
     variable
-        The object to read, where an ``.npz`` or R file holds several.
+        The object to read, where an ``.npz`` or R file, or the topic, where a bag holds several.
 
     Raises
     ------
     FileNotFoundError
         No such file.
     ImportError
-        The format needs the extra ``io``.
+        The format needs the extra ``io`` or ``ros``.
     ValueError
         A corrupt file; a column that is missing or no number; a unit that is not stated, or stated twice differently;
-        steps of time that are uneven.
+        times that tell no rate; missing samples that are refused.
 
     Examples
     --------
@@ -78,19 +91,66 @@ def read_imu(
     """
     require_x64()
     stated = {} if units is None else dict(units)
-    if not set(stated) <= {"gyro", "accel"}:
-        raise ValueError(f'units has the keys "gyro" and "accel", and these are {", ".join(stated)}.')
+    sizes = {} if scale is None or isinstance(scale, str) else dict(scale)
+    for what, given in (("units", stated), ("scale", sizes)):
+        if not set(given) <= {"gyro", "accel"}:
+            raise ValueError(f'{what} has the keys "gyro" and "accel", and these are {", ".join(given)}.')
+    if twice := set(stated) & set(sizes):
+        raise ValueError(f"Both units and scale are given for {', '.join(sorted(twice))}: the scale has its unit.")
+    if gaps not in ("refuse", "longest"):
+        raise ValueError(f"gaps is refuse or longest, and is {gaps!r}: a navigation needs all samples.")
     try:
-        table = open_source(source, Reading(delimiter, header, variable))
-        read = Reader(table, pick(table, ("time", *GYRO, *ACCEL), columns), None, time_unit)
-        time = _seconds(read)
-        increasing("The time of an IMU", time)
-        gyro = read.sensor(GYRO, stated.get("gyro"), 'units={"gyro": ...}')
-        accel = read.sensor(ACCEL, stated.get("accel"), 'units={"accel": ...}')
-        time = _at_even_steps(time)
-        return Imu(time, gyro, accel, float((len(time) - 1) / (time[-1] - time[0])) if rate is None else rate)
+        how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
+        table = open_source(source, how)
+        told = {**table.roles, **({} if columns is None else columns)}
+        stamped = table.stamps if "time" not in told else None
+        wanted = (*GYRO, *ACCEL) if stamped is not None else ("time", *GYRO, *ACCEL)
+        read = Reader(table, pick(table, wanted, told or None), None, time_unit)
+        if stamped is None:
+            time = _seconds(read)
+            first = float(time[0]) if len(time) else 0.0
+        else:
+            parts = table.load(list(stamped.columns))
+            time, first = stamped.seconds(parts), stamped.first(parts)
+        found = _timing(time - time[:1], read, gaps)
+        time, kept = first + found.time, found.rows
+        f = found.rate if rate is None else float(sampling_rate(rate))
+
+        def sensor(name: str, quantities: Sequence[str]) -> np.ndarray:
+            count, unit = counts(sizes[name]) if name in sizes else (1.0, stated.get(name))
+            return read.sensor(quantities, unit, f'units={{"{name}": ...}}', f, count)[kept]
+
+        return Imu(time, sensor("gyro", GYRO), sensor("accel", ACCEL), f)
     except ValueError as error:
         raise _of_file(error, source) from error
+
+
+_SMOOTHED = 1e-3
+"""Jitter of stamps in samples beyond which they are smoothed."""
+
+
+class _Times(NamedTuple):
+    """Rows that are left, their times from the first row, and the rate."""
+
+    rows: slice | np.ndarray
+    time: np.ndarray
+    rate: float
+
+
+def _timing(seconds: np.ndarray, read: Reader, gaps: str) -> _Times:
+    """Times on the grid of the rate; even ones as they are."""
+    run = slice(0, len(seconds))
+    if gaps == "longest" and len(seconds):
+        run = longest_rise(seconds)
+    values = [read.values[q][run] for q in (*GYRO, *ACCEL)]
+    found = timing(seconds[run], lambda rows: np.all([v[rows] == v[rows - 1] for v in values], axis=0))
+    ways_out = 'A navigation needs all samples: gaps="longest" takes the longest run, or read the parts by themselves.'
+    kept = np.arange(len(seconds))[run][found.kept(gaps, ways_out)]
+    if found.jitter * found.rate > _SMOOTHED or found.duplicated:
+        time = seconds[run.start] + found.grid[kept - run.start]
+        return _Times(kept, time, found.rate)
+    time = seconds[kept]
+    return _Times(kept, time, float((len(time) - 1) / (time[-1] - time[0])))
 
 
 def read_fixes(
@@ -161,21 +221,6 @@ def _seconds(read: Reader) -> np.ndarray:
     if read.values["time"].dtype.kind in "mM":
         raise ValueError("Timestamps of several files have no common zero: convert them to seconds on one clock.")
     return read.time()
-
-
-def _at_even_steps(time: np.ndarray) -> np.ndarray:
-    """Stamps that are rounded or late now and then, of samples of which none is missing: the line through them.
-
-    Those that are even already stay as they are, and so do those with a gap, which the IMU refuses.
-    """
-    index = np.arange(len(time), dtype=float)
-    steps = np.diff(time)
-    usual = np.median(steps) if len(steps) < 3 else (time[-1] - time[0]) / (len(time) - 1)
-    if np.abs(steps / usual - 1).max(initial=0.0) < _EVEN or (np.rint(steps / usual) != 1).any():
-        return time
-    slope, intercept = np.polyfit(index - index.mean(), time - time.mean(), 1)
-    line = time.mean() + intercept + slope * (index - index.mean())
-    return line if np.abs(time - line).max() < slope else time
 
 
 def _of_file(error: ValueError, source: Any) -> ValueError:

@@ -7,6 +7,7 @@ import numpy as np
 
 from gmwm_jax._internal.checks import real_array
 from gmwm_jax._internal.columns import Columns, plain_name
+from gmwm_jax._internal.imu_names import role_of
 from gmwm_jax.units import names as units_of
 from gmwm_jax.units import size, time_size, written
 
@@ -64,6 +65,9 @@ _SI = {
 }
 """Quantity -> the SI unit that measures it."""
 
+_INCREMENTS = {"rad/s": "rad", "m/s^2": "m/s"}
+"""SI unit of an inertial sensor -> that of its increments per sample."""
+
 
 class Reader:
     """The columns of a trajectory in SI.
@@ -112,17 +116,26 @@ class Reader:
         """Columns side by side, (N, number of names)."""
         return np.stack([self._si(name) for name in names], axis=1)
 
-    def sensor(self, names: Sequence[str], unit: str | None, argument: str) -> np.ndarray:
-        """The three axes of an inertial sensor side by side, (N, 3), in a unit that is stated here or by the source."""
+    def sensor(
+        self, names: Sequence[str], unit: str | None, argument: str, rate: float = 1.0, count: float = 1.0
+    ) -> np.ndarray:
+        """The three axes of an inertial sensor side by side, (N, 3), in a unit that is stated here or by the source.
+
+        Increments are multiplied by the rate, counts by their size in the unit.
+        """
         si = _SI[names[0]]
-        if unit is not None and not _measures(unit, si):
-            raise ValueError(f"{argument} is one of {', '.join(units_of(si))}, and is {unit!r}.")
+        if unit is not None and not any(_measures(unit, known) for known in (si, _INCREMENTS[si])):
+            known = (*units_of(si), *units_of(_INCREMENTS[si]))
+            raise ValueError(f"{argument} is one of {', '.join(known)}, and is {unit!r}.")
         columns = []
         for name in names:
             agreed = self._agreed(name, self._stated(name), unit, argument)
             if agreed is None:
-                raise ValueError(f"The unit of {name} is not stated: give {argument}. It is never guessed.")
-            columns.append(size(agreed, si) * real_array(f"The column of {name}", self.values[name], (None,)))
+                raise ValueError(
+                    self.table.hint or f"The unit of {name} is not stated: give {argument}. It is never guessed."
+                )
+            factor = count * (size(agreed, si) if _measures(agreed, si) else size(agreed, _INCREMENTS[si]) * rate)
+            columns.append(factor * real_array(f"The column of {name}", self.values[name], (None,)))
         return np.stack(columns, axis=1)
 
     def _si(self, name: str) -> np.ndarray:
@@ -147,7 +160,7 @@ class Reader:
         name = self.table.names[self.numbers[quantity]]
         if name in self.table.units:
             unit = self.table.units[name]
-            if not _measures(unit, _SI[quantity]):
+            if not any(_measures(unit, si) for si in _measured(quantity)):
                 known = ", ".join(units_of(_SI[quantity]))
                 raise ValueError(f"The unit of {name} is {unit!r}; known are: {known}.")
             return unit
@@ -155,9 +168,20 @@ class Reader:
 
     @staticmethod
     def _agreed(name: str, stated: str | None, given: str | None, argument: str) -> str | None:
-        if stated and given and size(stated, _SI[name]) != size(given, _SI[name]):
+        if stated and given and _sizes(stated, name) != _sizes(given, name):
             raise ValueError(f"{argument} says that {name} is in {given}, and the source says {stated}.")
         return stated or given
+
+
+def _measured(quantity: str) -> tuple[str, ...]:
+    """SI units of what may stand in a column: of axes of an IMU, also increments."""
+    si = _SI[quantity]
+    return (si, _INCREMENTS[si]) if quantity in (*GYRO, *ACCEL) else (si,)
+
+
+def _sizes(unit: str, quantity: str) -> list[float | None]:
+    """Size of a unit in each of the SI units that it may measure."""
+    return [size(unit, si) if _measures(unit, si) else None for si in _measured(quantity)]
 
 
 def _measures(unit: str, si: str) -> bool:
@@ -170,7 +194,8 @@ def _measures(unit: str, si: str) -> bool:
 
 def _split(quantity: str, name: str) -> tuple[str, str | None]:
     """Divide a plain name into that of a quantity and its unit."""
-    for unit in sorted(written(_SI[quantity]), key=len, reverse=True):
+    words = [word for si in _measured(quantity) for word in written(si)]
+    for unit in sorted(words, key=len, reverse=True):
         if name.endswith(f"_{unit}"):
             return name.removesuffix(f"_{unit}"), unit
     return name, None
@@ -254,7 +279,7 @@ def _by_name(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
         for quantity in wanted:
             short, unit = _split(quantity, plain_name(name))
             aliases = _ALIASES[quantity].split()
-            if short in aliases or (unit and plain_name(name) in aliases):
+            if short in aliases or (unit and plain_name(name) in aliases) or role_of(short) == quantity:
                 if quantity in found:
                     raise ValueError(
                         f"Both {names[found[quantity]]!r} and {name!r} may be the {quantity}: pick one as in "

@@ -72,7 +72,7 @@ def read_trajectory(
     delimiter
         Of a text file; found unless given.
     header
-        Number of lines of a text file to skip; comments and at most one line of names unless given.
+        Number of the line of names of a text file, from 1; 0: no line has them. Found unless given.
     variable
         The object to read, where an ``.npz`` or R file holds several.
     name

@@ -20,7 +20,7 @@ def _is_certain(lines: Sequence[str]) -> bool:
 def _open(source: TextSource, how: Reading) -> Columns:
     table = open_text(source, how.delimiter, how.header)
     table = described(table, "euroc", {"gyro": "rad/s", "accel": "m/s^2"})
-    stamps = Stamps((0,), lambda columns: seconds_of(columns[0], 1e-9), "timestamp [ns]")
+    stamps = Stamps((0,), lambda c: seconds_of(c[0], 1e-9), "timestamp [ns]", lambda c: float(c[0][0]) * 1e-9)
     return table._replace(stamps=stamps)
 
 

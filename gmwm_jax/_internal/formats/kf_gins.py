@@ -16,7 +16,9 @@ _NAMES = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 def _open(source: TextSource, how: Reading) -> Columns:
     table = open_text(source, how.delimiter, 0 if how.header is None else how.header)
     table = named(table, "kf-gins", _NAMES, {"gyro": "rad", "accel": "m/s"})
-    return table._replace(stamps=Stamps((0,), lambda columns: seconds_of(columns[0]), "seconds of the week"))
+    return table._replace(
+        stamps=Stamps((0,), lambda c: seconds_of(c[0]), "seconds of the week", lambda c: float(c[0][0]))
+    )
 
 
 KF_GINS = Format("kf-gins", not_told, _open)

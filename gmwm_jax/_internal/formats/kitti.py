@@ -42,10 +42,11 @@ def _open_folder(folder: Path, how: Reading) -> Columns:
     if short is not None:
         raise ValueError(f"Frame {short} does not hold {len(_NAMES)} values.")
     values = np.array(rows, dtype=np.float64)
-    seconds = since_first(from_text(np.array([stamps[int(frame.stem)] for frame in frames])))
+    times = from_text(np.array([stamps[int(frame.stem)] for frame in frames]))
+    seconds, first = since_first(times), float(times[0].astype(np.int64)) * 1e-9
     columns = [*values.T, seconds]
     table = Columns(None, len(columns), lambda picked: [columns[i] for i in picked])
-    stamped = Stamps((len(_NAMES),), lambda c: c[0], "timestamps.txt")
+    stamped = Stamps((len(_NAMES),), lambda c: c[0], "timestamps.txt", lambda c: first)
     return named(table, "kitti", [*_NAMES, "seconds"], _UNITS)._replace(stamps=stamped)
 
 

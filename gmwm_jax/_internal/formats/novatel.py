@@ -68,7 +68,7 @@ def _open(source: TextSource, how: Reading) -> Columns:
     return table._replace(
         units=units,
         load=_turned(table.load, counts),
-        stamps=Stamps((0, 1), lambda c: week_and_seconds(*c), "week and seconds"),
+        stamps=Stamps((0, 1), lambda c: week_and_seconds(*c), "week and seconds", lambda c: float(c[1][0])),
         notes=() if name is None else (f"Counts of the IMU {name}.",),
         hint="The type of IMU is missing, which tells what a count is: give scale=..., one of "
         f'{", ".join(_TYPES)}, or the counts as in {{"gyro": "1e-9 rad", "accel": "2e-8 m/s"}}.',

@@ -40,15 +40,23 @@ def _open(source: TextSource, how: Reading) -> Columns:
     names = table.names or ()
     if whole is not None and part is not None:
         label = f"{names[whole]!r} and {names[part]!r}"
-        return table._replace(stamps=Stamps((whole, part), lambda c: seconds_and_nanoseconds(*c), label))
+        stamps = Stamps(
+            (whole, part), lambda c: seconds_and_nanoseconds(*c), label, lambda c: float(c[0][0]) + c[1][0] * 1e-9
+        )
+        return table._replace(stamps=stamps)
     for pattern in _ONE:
         if (i := first(pattern)) is not None:
-            return table._replace(stamps=Stamps((i,), lambda c: _seconds(c[0]), repr(names[i])))
+            stamps = Stamps((i,), lambda c: seconds_of(c[0], _size(c[0])), repr(names[i]), _first)
+            return table._replace(stamps=stamps)
     return table
 
 
-def _seconds(stamps: np.ndarray) -> np.ndarray:
-    return seconds_of(stamps, 1e-9 if len(stamps) and stamps[0] > _NANOSECONDS else 1.0)
+def _size(stamps: np.ndarray) -> float:
+    return 1e-9 if len(stamps) and stamps[0] > _NANOSECONDS else 1.0
+
+
+def _first(columns: Sequence[np.ndarray]) -> float:
+    return float(columns[0][0]) * _size(columns[0])
 
 
 def _role(name: str) -> str | None:

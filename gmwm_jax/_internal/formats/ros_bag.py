@@ -59,7 +59,8 @@ def open_bag(file: Path, how: Reading) -> Columns:
         _NAMES, len(_NAMES), lambda picked: [columns[i] for i in picked],
         {name: "rad/s" if name.startswith("gyro") else "m/s^2" for name in _NAMES[1:]},
         format="ros", roles={name: i for i, name in enumerate(_NAMES) if i},
-        stamps=Stamps((0,), lambda c: (c[0] - c[0][:1]) * 1e-9, label), notes=(f"Topic {topic}.", *note),
+        stamps=Stamps((0,), lambda c: (c[0] - c[0][:1]) * 1e-9, label, lambda c: float(c[0][0]) * 1e-9),
+        notes=(f"Topic {topic}.", *note),
     )  # fmt: skip
 
 

@@ -16,7 +16,9 @@ _NAMES = ("accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z", "time")
 def _open(source: TextSource, how: Reading) -> Columns:
     table = open_text(source, how.delimiter, 0 if how.header is None else how.header)
     table = named(table, "rtklibexplorer", _NAMES, {"gyro": "deg/s", "accel": "g"})
-    return table._replace(stamps=Stamps((6,), lambda columns: seconds_of(columns[0], 1e-3), "milliseconds"))
+    return table._replace(
+        stamps=Stamps((6,), lambda c: seconds_of(c[0], 1e-3), "milliseconds", lambda c: float(c[0][0]) * 1e-3)
+    )
 
 
 RTKLIBEXPLORER = Format("rtklibexplorer", not_told, _open)

@@ -47,7 +47,8 @@ def _open(source: TextSource, how: Reading) -> Columns:
     column = (table.names or ())[clock]
     unit = re.search(r"\[(\w+)\]", column)
     size = _SIZES[unit[1]] if unit and unit[1] in _SIZES else 1e-9 if plain[clock].startswith(_CLOCKS[:3]) else 1.0
-    return table._replace(stamps=Stamps((clock,), lambda columns: seconds_of(columns[0], size), repr(column)))
+    stamps = Stamps((clock,), lambda c: seconds_of(c[0], size), repr(column), lambda c: float(c[0][0]) * size)
+    return table._replace(stamps=stamps)
 
 
 def _role(name: str, raw: bool) -> str | None:

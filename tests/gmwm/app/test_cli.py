@@ -3,6 +3,7 @@
 Fits compile for each model: all but two tests share one.
 """
 
+import gzip
 import json
 import os
 import subprocess
@@ -74,6 +75,28 @@ def test_wv_of_a_text_file_in_other_units(csv, wv):
         assert of["unit"] == one.units[0]
         for key in ("variance", "ci_low", "ci_high"):
             np.testing.assert_allclose(of[key], getattr(one, key), rtol=1e-9)
+
+
+def test_the_options_of_the_reader(rec, tmp_path):
+    """Counts in two groups, milliseconds in the name, a sample that is missing; what was understood is said."""
+    counts = np.round(rec.data / [1e-5, 1e-5, 1e-4]).astype(int)
+    rows = [f"{10 * k};{a};{b};{c};ok\n" for k, (a, b, c) in enumerate(counts.tolist()) if k != 7]
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(("t_ms;gx;gy;az;state\n" + "".join(rows)).encode("utf-16")))
+    options = ("wv", path, "--time", "t_ms", "--scale", "gyro=1e-5 rad/s,accel=1e-4 m/s^2")
+    refused = call(*options, code=1).stderr
+    assert "1 samples are missing in 1 gaps" in refused
+    assert "--gaps nan puts NaN" in refused
+    assert "--gaps longest takes the longest run" in refused
+    names = ("--channels", "az,gx", "--names", "az=accel_z,gx=roll", "--gaps", "nan", "--json", "-")
+    result = call(*options, *names)
+    assert list(json.loads(result.stdout)["channels"]) == ["accel_z", "roll"]
+    understood = result.stderr.splitlines()
+    assert understood[0].startswith("Read as a table: 100 Hz by the column of time 't_ms' [ms], 1 missing in 1 gaps")
+    assert [line.split() for line in understood[3:5]] == [
+        ["accel_z", "az", "1e-4", "m/s^2"], ["roll", "gx", "1e-5", "rad/s"],
+    ]  # fmt: skip
+    assert understood[5] == "1 missing samples became NaN."
 
 
 def test_columns_time_unit_delimiter_and_level(rec, wv, tmp_path):

@@ -289,7 +289,7 @@ def test_counts_with_a_scale(tmp_path):
     one = read_recording(file, time="t_ms", columns=["gx"], scale="1/10 deg/s")
     np.testing.assert_allclose(one.data, rec.data[:, :1], rtol=1e-12)
     for scale, message in (
-        ({"gyro": "0.1"}, "a number with a unit, as in \"0.1 deg/s\", and not '0.1'"),
+        ({"gyro": "0.1"}, "size of a count is a number with a unit, as in \"0.1 deg/s\", and not '0.1'"),
         ({"mag": "0.1 deg/s"}, "scale names mag, and the channels are: gx"),
         ({"gyro": "0.1 V"}, "Unknown unit 'V'"),
         ({"gyro": "0.1 deg/s"}, "No unit is given for: ax, ay, az, temp"),
@@ -386,6 +386,15 @@ def test_lines_of_a_logger_before_the_names(tmp_path):
         rec = read_recording(file, time="time", **how)
         np.testing.assert_allclose(rec.data, W[:, :1] * DEG, rtol=1e-15)
         assert rec.channels == ("gyro_x",)
+
+
+@pytest.mark.parametrize("names", ["gyro_x [deg/s] gyro_y [deg/s]", "Gyro X [deg/s]   Gyro Y [deg/s]"])
+def test_names_with_blanks_in_a_file_with_blanks(tmp_path, names):
+    file = tmp_path / "a.txt"
+    file.write_text(f"{names}\n" + table([floats(row[:2]) for row in W], " "))
+    np.testing.assert_allclose(read_recording(file, rate=1.0).data, W[:, :2] * DEG, rtol=1e-15)
+    file.write_text("Gyro X [deg/s]\n" + table([[float(w)] for w in W[:, 0]]))
+    assert read_recording(file, rate=1.0).channels == ("gyro_x",)
 
 
 def test_a_line_that_is_no_line(tmp_path):

@@ -93,16 +93,19 @@ class Odometer(nj.GnssVelocity):
         (lambda: nj.read_imu(TABLE, units={**SI, "baro": "m"}), "these are gyro, accel, baro"),
         (
             lambda: nj.read_imu(TABLE, units={**SI, "gyro": "m/s"}),
-            f"is one of {', '.join(f'{a}/{t}' for a in ANGLES for t in ('min', 's', 'h'))}, and is 'm/s'",
+            f"{', '.join(f'{a}/{t}' for a in ANGLES for t in ('min', 's', 'h'))}, {', '.join(ANGLES)}, and is 'm/s'",
         ),
         (lambda: nj.read_imu(columns(("time", "gyro_x_deg_s", *NAMES[2:])), units=SI), "the source says deg_s"),
         (lambda: nj.read_imu(TABLE[:, :6], units=SI), "there are 6, without names"),
-        (lambda: nj.read_imu(columns(("time", "wx", *NAMES[2:])), units=SI), "No column is found for gyro_x"),
+        (lambda: nj.read_imu(columns(("time", "turn_x", *NAMES[2:])), units=SI), "No column is found for gyro_x"),
         (lambda: nj.read_imu(columns(), units=SI, columns={"yaw": 1}), "columns names yaw; the quantities are: time"),
         (lambda: nj.read_imu({**columns(), "acc_x": TIME}, units=SI), "Both 'accel_x' and 'acc_x' may be"),
-        (lambda: nj.read_imu(TABLE[[0, 1, 4, 5]], units=SI), "Samples are missing there"),
+        (
+            lambda: nj.read_imu(TABLE[[0, 1, 4, 5]], units=SI),
+            r"gap of 0\.3 s before index 2.* 2 samples are missing.*gaps=\"longest\" takes the longest run",
+        ),
         (lambda: nj.read_imu(TABLE[::-1], units=SI), "does not increase"),
-        (lambda: nj.read_imu(TABLE[:1], units=SI), "at least two are needed"),
+        (lambda: nj.read_imu(TABLE[:1], units=SI), "has 1 value: a rate needs two"),
         (lambda: nj.read_imu({**columns(), "time": TIME.astype("M8[s]")}, units=SI), "no common zero"),
         (
             lambda: nj.read_fixes(TABLE[:, :4], nj.GnssVelocity(1.0, horizontal=1.0, vertical=1.0), origin=(0, 0, 0)),
@@ -128,3 +131,63 @@ def test_errors_name_the_file(tmp_path):
         nj.read_fixes(tmp_path / "a.csv", GNSS)
     with pytest.raises(FileNotFoundError, match="no file"):
         nj.read_imu(tmp_path / "b.csv")
+
+
+# As loggers write them
+
+AXES = TABLE[:, 1:]
+
+
+def text(rows, separator=","):
+    return "".join(separator.join(map(repr, map(float, row))) + "\n" for row in rows)
+
+
+@pytest.mark.parametrize("rate", [99.4, 152.3])
+def test_stamps_are_regressed_and_not_trusted(rate):
+    """Of a clock that writes milliseconds, whose zero stays where it was."""
+    time = 50.0 + np.arange(3000) / rate
+    table = np.column_stack([np.round(time, 3), np.random.default_rng(0).normal(size=(3000, 6))])
+    imu = nj.read_imu(table, units=SI)
+    # the slope and the middle of a line by least squares through errors of 1 ms / sqrt(12)
+    assert imu.rate == pytest.approx(rate, abs=5 * 1e-3 / np.sqrt(12) * np.sqrt(12 / 3000) / 3000 * rate**2)
+    np.testing.assert_allclose(imu.time, time, atol=5 * 1e-3 / np.sqrt(12) * 2 / np.sqrt(3000), rtol=0)
+    np.testing.assert_array_equal(imu.gyro, table[:, 1:4])
+
+
+def test_the_longest_run_of_a_record_with_gaps():
+    imu = nj.read_imu(np.delete(TABLE, 5, axis=0), units=SI, gaps="longest")
+    np.testing.assert_array_equal(imu.time, TIME[6:])
+    np.testing.assert_array_equal(imu.accel, TABLE[6:, 4:])
+    with pytest.raises(ValueError, match="gaps is refuse or longest, and is 'nan': a navigation needs all samples"):
+        nj.read_imu(TABLE, units=SI, gaps="nan")
+
+
+def test_increments_of_kf_gins(tmp_path):
+    """At the seconds of the week that the file states."""
+    file = tmp_path / "imu.txt"
+    file.write_text(text(np.column_stack([456300 + TIME, AXES / 10]), " "))
+    imu = nj.read_imu(file, format="kf-gins")
+    np.testing.assert_allclose(imu.time, 456300 + TIME, rtol=1e-12)
+    np.testing.assert_allclose(np.hstack([imu.gyro, imu.accel]), AXES, rtol=1e-9)
+    names = [f"dtheta_{x}[rad]" for x in "xyz"] + [f"dvel_{x}[m/s]" for x in "xyz"]
+    named = nj.read_imu(columns(["time", *names], np.column_stack([TIME, AXES / 10])))
+    np.testing.assert_allclose(named.gyro, imu.gyro, rtol=1e-9)
+
+
+def test_counts_with_a_scale():
+    counts = np.column_stack([TIME, np.round(AXES * 1000)])
+    imu = nj.read_imu(counts, scale={"gyro": "0.1 deg/s", "accel": "1.25 mg"})
+    np.testing.assert_allclose(imu.gyro, counts[:, 1:4] * 0.1 * np.pi / 180, rtol=1e-12)
+    np.testing.assert_allclose(imu.accel, counts[:, 4:] * 1.25e-3 * 9.80665, rtol=1e-12)
+    with pytest.raises(ValueError, match="Both units and scale are given for gyro"):
+        nj.read_imu(counts, units=SI, scale={"gyro": "0.1 deg/s"})
+
+
+def test_a_format_that_its_content_tells(tmp_path):
+    file = tmp_path / "data.csv"
+    names = [f"w_RS_S_{x} [rad s^-1]" for x in "xyz"] + [f"a_RS_S_{x} [m s^-2]" for x in "xyz"]
+    rows = [f"{1403636579 * 10**9 + round(t * 1e9)}," + text([row]) for t, row in zip(TIME, AXES, strict=True)]
+    file.write_text(",".join(["#timestamp [ns]", *names]) + "\n" + "".join(rows))
+    imu = nj.read_imu(file)
+    np.testing.assert_allclose(imu.time, 1403636579 + TIME, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(np.hstack([imu.gyro, imu.accel]), AXES)
