@@ -55,7 +55,7 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 _SECTIONS = ("record", "filters", "aiding", "initial", "reference", "run", "output")
 
-_IMU_READ = ("units", "rate", "columns", "time_unit", "delimiter", "header", "variable")
+_IMU_READ = ("units", "scale", "rate", "columns", "time_unit", "gaps", "format", "delimiter", "header", "variable")
 _FIXES_READ = ("angles", "columns", "time_unit", "delimiter", "header", "variable")
 _GNSS_READ = ("format", "clock", "date", "week")
 _GNSS_MAKE = ("sd_factor", "correlated")
