@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.overwriting import refuse_overwriting
+from gmwm_jax._internal.text_files import TEXT_SUFFIXES
+from gmwm_jax._internal.text_source import COMPRESSED
 from gmwm_jax.fitting.exports.registry import FORMATS, format_of
 from gmwm_jax.fitting.weights import NAMED
 from gmwm_jax.recordings import datasets
@@ -185,13 +187,17 @@ class Source:
             options["names"] = [part.strip() for part in options["names"].split(",")]
         everything = self.channels == "all"
         options["channels"] = None if everything else [part.strip() for part in self.channels.split(",")]
-        rec = read_recording(file, **options, progress=file.is_file() and file.stat().st_size > _LARGE)
+        rec = read_recording(file, **options, progress=_takes_long(file))
         typer.echo(rec.understood, err=True)
         return rec
 
 
 _LARGE = 100_000_000
-"""Bytes of a file that is read for seconds, while which a bar is shown."""
+"""Bytes of a text file that is read for seconds, while which a bar is shown."""
+
+
+def _takes_long(file: Path) -> bool:
+    return file.suffix.lower() in (*TEXT_SUFFIXES, *COMPRESSED) and file.is_file() and file.stat().st_size > _LARGE
 
 
 def _one_or_pairs(text: str | None) -> str | dict[str, str] | None:

@@ -111,7 +111,7 @@ def read_recording(
     name
         Name of the recording; default: the file name.
     progress
-        Show a bar.
+        Show a bar while a text file is read.
 
     Raises
     ------

@@ -213,9 +213,16 @@ class RecordingErrors(Section):
     recording: str
     rate: Frequency | None = None
     units: str | Texts | None = None
-    time: str | int | None = None
+    scale: str | Texts | None = None
+    columns: list[int | str] | None = None
+    names: list[str] | Texts | None = None
+    time: str | int | list[str | int] | None = None
     time_unit: str | None = None
+    gaps: str | None = None
+    format: str | None = None
     delimiter: str | None = None
+    header: int | None = None
+    variable: str | None = None
 
     def build(self, folder: Path) -> RecordedErrors:  # noqa: D102
         return recorded_errors(folder / self.recording, **self.given("recording"))
