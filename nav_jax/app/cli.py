@@ -1,4 +1,4 @@
-"""The command line: ``nav-jax run | compare | budget | design | navigate | tune | demo``.
+"""The command line: ``nav-jax run | compare | budget | design | inspect | navigate | tune | demo``.
 
 A leaf: a configuration in, tables and files out.
 """
@@ -19,13 +19,14 @@ from gmwm_jax._internal.interrupts import INTERRUPTED
 from gmwm_jax._internal.overwriting import refuse_overwriting
 from nav_jax.app.comparison_file import Config, named_files, read_config
 from nav_jax.app.demo import run_demo
-from nav_jax.app.record_file import read_record
+from nav_jax.app.record_file import inspect_file, read_record
 from nav_jax.app.reports import (
     COMPARISON,
     Report,
     budget_report,
     comparison_report,
     design_report,
+    inspection_report,
     navigation_report,
     tuning_report,
 )
@@ -78,6 +79,7 @@ _STEMS = {
     "design": "design",
     "tune": "tuning",
     "navigate": "navigation",
+    "inspect": "inspection",
 }
 """Command -> stem of the files of its report."""
 
@@ -224,6 +226,21 @@ def design(
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD.toml", help="Record, filters, aiding with files, start.")]
 Track = Annotated[Path | None, typer.Option("--save", help="The estimates: .csv, .npz, .kml or .gpx.")]
+
+
+@_command
+def inspect(
+    config: Record,
+    most_offset: Annotated[float, typer.Option(min=0.1, help="Offsets of clocks beyond this, s, are not tried.")] = 2.0,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Say what is in a record: rates, gaps, rest, gravity, tilt, course, and clocks that are apart."""
+    if plot and out is None:
+        raise ValueError("Figures need a folder: give --out.")
+    report = inspection_report(inspect_file(config, most_offset))
+    _give(report, json_file, out, plot=out is not None if plot is None else plot)
 
 
 @_command

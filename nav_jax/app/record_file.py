@@ -42,11 +42,12 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import FlatEarth
-from nav_jax.recorded.alignment import Start, align_by_course, between, mounted
-from nav_jax.recorded.files import read_fixes, read_imu
+from nav_jax.recorded.alignment import Start, align_by_course, between, mounted, turned
+from nav_jax.recorded.files import read_fixes, read_imu, read_samples
 from nav_jax.recorded.gnss.reading import read_gnss
 from nav_jax.recorded.gnss.record import GnssRecord
 from nav_jax.recorded.gnss.registry import FORMATS
+from nav_jax.recorded.inspection import Inspection, inspect_record
 from nav_jax.recorded.navigation import Navigation, navigate
 from nav_jax.recorded.tuning import Tuning, tune
 from nav_jax.trajectory.columns import choose
@@ -104,6 +105,17 @@ class RecordSection(Section):
         imu = imu if self.mounting is None else mounted(imu, self.mounting)
         return imu if self.start is None and self.end is None else between(imu, self.start, self.end)
 
+    def samples(self, folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As they were recorded, along the axes of the body."""
+        how = {k: getattr(self, k) for k in _IMU_READ if k != "gaps" and k in self.model_fields_set}
+        time, gyro, accel = read_samples(folder / self.imu, **how)
+        if self.mounting is not None:
+            gyro, accel = (turned(x, self.mounting) for x in (gyro, accel))
+        inside = np.ones(len(time), dtype=bool)
+        inside &= time >= (-np.inf if self.start is None else self.start)
+        inside &= time <= (np.inf if self.end is None else self.end)
+        return time[inside], gyro[inside], accel[inside]
+
 
 class FixesSection(Aiding):
     """``file = ...``: arguments of `read_fixes`; of a GNSS receiver's file those of `read_gnss` and `GnssRecord`."""
@@ -138,21 +150,23 @@ class FixesSection(Aiding):
             raise ValueError("rate and first follow from the times of the file: leave them out.")
         how = {k: getattr(self, k) for k in _FIXES_READ if k in self.model_fields_set}
         if self.is_gnss_file():
-            return self._of_receiver(folder, origin, how)
+            return self._of_receiver(folder, origin)
         if wrong := sorted(self.model_fields_set & {*_GNSS_READ, *_GNSS_MAKE, "exclude"}):
             raise ValueError(f"{wrong[0]} is for files of GNSS receivers, and this is a {self.type}.")
         options = ("type", "file", "exclude", "time_offset", *_FIXES_READ, *_GNSS_READ, *_GNSS_MAKE)
         sensor = self.sensor(**self.given(*options))  # type: ignore[call-arg]
         return read_fixes(folder / self.file, sensor, origin=origin, **how), None
 
-    def _of_receiver(
-        self, folder: Path, origin: Sequence[float] | None, how: dict[str, Any]
-    ) -> tuple[Fixes, GnssRecord]:
+    def receiver(self, folder: Path, origin: Sequence[float] | None) -> GnssRecord:
+        """What a file of a receiver has, but for the qualities that are left out, on its own clock."""
+        how = {k: getattr(self, k) for k in (*_FIXES_READ, *_GNSS_READ) if k in self.model_fields_set}
+        record = read_gnss(folder / self.file, origin=origin, **how)
+        return record.without(*self.exclude) if self.exclude else record
+
+    def _of_receiver(self, folder: Path, origin: Sequence[float] | None) -> tuple[Fixes, GnssRecord]:
         if "believed" in self.model_fields_set:
             raise ValueError("believed: what the filter believes of recorded fixes is horizontal and vertical.")
-        how |= {k: getattr(self, k) for k in _GNSS_READ if k in self.model_fields_set}
-        record = read_gnss(folder / self.file, origin=origin, **how)
-        record = record.without(*self.exclude) if self.exclude else record
+        record = self.receiver(folder, origin)
         own = ("horizontal", "vertical", *_GNSS_MAKE, "lever_arm", "outages", "name")
         options = {k: getattr(self, k) for k in own if k in self.model_fields_set}
         make = record.position_fixes if issubclass(self.sensor, GnssPosition) else record.velocity_fixes
@@ -278,6 +292,33 @@ def read_record(path: str | os.PathLike[str]) -> RecordConfig:
         No TOML; a section, key, unit or value that is wrong, by its place in the file.
     """
     return from_toml(Path(path), _build)
+
+
+def inspect_file(path: str | os.PathLike[str], most_offset: float) -> Inspection:
+    """Look at the record of a configuration, of which [record] and [[aiding]] are read and nothing else is needed.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        See `read_record`.
+    """
+
+    def build(tables: Mapping[str, Any], folder: Path) -> Inspection:
+        check_sections(tables, _SECTIONS, ("record",))
+        record = checked(RecordSection, tables["record"], "[record]")
+        listed = aiding_sections(tables.get("aiding", []), FIXES)
+        with place("[record]"):
+            time, gyro, accel = record.samples(folder)
+        gnss = None
+        for i, section in enumerate(listed):
+            if gnss is None and section.is_gnss_file():
+                with place(f"[[aiding]] {i + 1}"):
+                    # what is found is beyond what is stated
+                    gnss = section.receiver(folder, record.origin).shifted(record.time_offset + section.time_offset)
+        with place("[record]"):
+            return inspect_record(time, gyro, accel, gnss, most_offset=most_offset)
+
+    return from_toml(Path(path), build)
 
 
 def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:

@@ -26,6 +26,7 @@ from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_
 from nav_jax.plotting.navigation import plot_innovations, plot_sensor_estimates, plot_withheld
 from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
 from nav_jax.plotting.trajectory import plot_trajectory
+from nav_jax.recorded.inspection import Inspection
 from nav_jax.recorded.navigation import Navigation
 from nav_jax.recorded.tuning import Tuning
 from nav_jax.simulation.comparison import Comparison
@@ -191,6 +192,11 @@ def tuning_report(tuning: Tuning) -> Report:
         "filter": _keys(tuning.errors),
     }
     return Report("tuning", f"{tuning!r}\n\n{section}", content, {"tuning.png": tuning.plot}, section)
+
+
+def inspection_report(inspection: Inspection) -> Report:
+    """What is in a record."""
+    return Report("inspection", repr(inspection), inspection.to_dict(), {"inspection.png": inspection.plot})
 
 
 def navigation_report(name: str, navigation: Navigation, notes: Sequence[str]) -> Report:

@@ -28,10 +28,14 @@ smoother.
 from nav_jax.recorded.alignment import align_by_course as align_by_course
 from nav_jax.recorded.alignment import between as between
 from nav_jax.recorded.alignment import mounted as mounted
+from nav_jax.recorded.clocks import clock_offsets as clock_offsets
 from nav_jax.recorded.files import read_fixes as read_fixes
 from nav_jax.recorded.files import read_imu as read_imu
+from nav_jax.recorded.files import read_samples as read_samples
 from nav_jax.recorded.gnss.reading import read_gnss as read_gnss
 from nav_jax.recorded.gnss.record import GnssRecord as GnssRecord
+from nav_jax.recorded.inspection import Inspection as Inspection
+from nav_jax.recorded.inspection import inspect_record as inspect_record
 from nav_jax.recorded.likelihood import innovation_loss as innovation_loss
 from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate

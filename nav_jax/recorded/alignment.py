@@ -38,9 +38,13 @@ def mounted(imu: Imu, euler: Any) -> Imu:
     >>> nj.recorded.mounted(samples, (np.pi, 0.0, 0.0)).accel[0].round(5).tolist()
     [0.0, 0.0, 9.80665]
     """
+    return replace(imu, gyro=turned(imu.gyro, euler), accel=turned(imu.accel, euler))
+
+
+def turned(vectors: Float64[np.ndarray, "N 3"], euler: Any) -> Float64[np.ndarray, "N 3"]:
+    """Vectors along the axes of the body, from those along axes that have this roll, pitch and yaw in it."""
     q = rotation.quat_from_euler(jnp.asarray(real_array("The mounting (roll, pitch, yaw)", euler, (3,)))[:, None])
-    gyro, accel = (np.asarray(rotation.rotate(q, jnp.asarray(x.T))).T for x in (imu.gyro, imu.accel))
-    return replace(imu, gyro=gyro, accel=accel)
+    return np.asarray(rotation.rotate(q, jnp.asarray(vectors.T))).T
 
 
 def between(imu: Imu, start: float | None = None, end: float | None = None) -> Imu:

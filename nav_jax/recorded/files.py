@@ -89,6 +89,80 @@ def read_imu(
     >>> nj.read_imu("imu.csv", units={"gyro": "deg/s", "accel": "g"}).accel[0].round(5).tolist()
     [0.0, 0.0, -9.80665]
     """
+    if gaps not in ("refuse", "longest"):
+        raise ValueError(f"gaps is refuse or longest, and is {gaps!r}: a navigation needs all samples.")
+    how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
+    opened = _open(source, how, units, scale, columns, time_unit)
+    try:
+        found = _timing(opened.seconds, opened.read, gaps)
+        f = found.rate if rate is None else float(sampling_rate(rate))
+        gyro, accel = (opened.sensor(*of, f)[found.rows] for of in _SENSORS)
+        return Imu(opened.first + found.time, gyro, accel, f)
+    except ValueError as error:
+        raise _of_file(error, source) from error
+
+
+def read_samples(
+    source: Any,
+    *,
+    units: Mapping[str, str] | None = None,
+    scale: str | Mapping[str, str] | None = None,
+    rate: Real | None = None,
+    columns: Mapping[str, int | str] | None = None,
+    time_unit: str | None = None,
+    format: str | None = None,
+    delimiter: str | None = None,
+    header: int | None = None,
+    variable: str | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Read time in s, gyro in rad/s and accelerometer in m/s^2 as they were recorded, with gaps if there are.
+
+    Parameters
+    ----------
+    source, units, scale, rate, columns, time_unit, format, delimiter, header, variable
+        See `read_imu`; the rate matters for increments alone.
+
+    Raises
+    ------
+    FileNotFoundError, ImportError, ValueError
+        See `read_imu`.
+    """
+    how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
+    opened = _open(source, how, units, scale, columns, time_unit)
+    try:
+        if len(opened.seconds) < 2:
+            raise ValueError(f"The record has {len(opened.seconds)} samples, and at least two are needed.")
+        f = float(1 / np.median(np.diff(opened.seconds))) if rate is None else float(sampling_rate(rate))
+        gyro, accel = (opened.sensor(*of, f) for of in _SENSORS)
+    except ValueError as error:
+        raise _of_file(error, source) from error
+    return opened.first + opened.seconds, gyro, accel
+
+
+_SENSORS = (("gyro", GYRO), ("accel", ACCEL))
+
+
+class _Opened(NamedTuple):
+    """A table of samples."""
+
+    read: Reader
+    seconds: np.ndarray
+    """Since the first."""
+    first: float
+    """s."""
+    stated: Mapping[str, str]
+    """Sensor -> unit that the caller states."""
+    sizes: Mapping[str, str]
+    """Sensor -> size of its counts."""
+
+    def sensor(self, name: str, quantities: Sequence[str], rate: float) -> np.ndarray:
+        """In SI, (N, 3)."""
+        count, unit = counts(self.sizes[name]) if name in self.sizes else (1.0, self.stated.get(name))
+        return self.read.sensor(quantities, unit, f'units={{"{name}": ...}}', rate, count)
+
+
+def _open(source: Any, how: Reading, units: Any, scale: Any, columns: Any, time_unit: str | None) -> _Opened:
+    """What `read_imu` reads, before it judges times."""
     require_x64()
     stated = {} if units is None else dict(units)
     sizes = {} if scale is None or isinstance(scale, str) else dict(scale)
@@ -97,10 +171,7 @@ def read_imu(
             raise ValueError(f'{what} has the keys "gyro" and "accel", and these are {", ".join(given)}.')
     if twice := set(stated) & set(sizes):
         raise ValueError(f"Both units and scale are given for {', '.join(sorted(twice))}: the scale has its unit.")
-    if gaps not in ("refuse", "longest"):
-        raise ValueError(f"gaps is refuse or longest, and is {gaps!r}: a navigation needs all samples.")
     try:
-        how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
         table = open_source(source, how)
         told = {**table.roles, **({} if columns is None else columns)}
         stamped = table.stamps if "time" not in told else None
@@ -112,17 +183,9 @@ def read_imu(
         else:
             parts = table.load(list(stamped.columns))
             time, first = stamped.seconds(parts), stamped.first(parts)
-        found = _timing(time - time[:1], read, gaps)
-        time, kept = first + found.time, found.rows
-        f = found.rate if rate is None else float(sampling_rate(rate))
-
-        def sensor(name: str, quantities: Sequence[str]) -> np.ndarray:
-            count, unit = counts(sizes[name]) if name in sizes else (1.0, stated.get(name))
-            return read.sensor(quantities, unit, f'units={{"{name}": ...}}', f, count)[kept]
-
-        return Imu(time, sensor("gyro", GYRO), sensor("accel", ACCEL), f)
     except ValueError as error:
         raise _of_file(error, source) from error
+    return _Opened(read, time - time[:1], first, stated, sizes)
 
 
 _SMOOTHED = 1e-3

@@ -184,3 +184,18 @@ def test_an_output_is_not_written_over_an_input(drive):
     text = drive.read_text().replace('save = "track.gpx"', 'save = "reference.csv"')
     drive.write_text(text)
     assert "reference.csv" in call("navigate", drive, code=1).stderr
+
+
+def test_inspect(drive, tmp_path):
+    """Nothing but the record is needed; what is found is beyond what is stated."""
+    text = drive.read_text().replace('time_offset = "0.4 s"', 'time_offset = "0.3 s"').replace("end = 156878.4", "")
+    drive.write_text(text[: text.index("[filters.right]")] + text[text.index("[[aiding]]") : text.index("[initial]")])
+    result = call("inspect", drive, "--out", tmp_path, "--json", tmp_path / "a.json")
+    assert "IMU: 800 samples at 20 Hz" in result.stdout
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert {(o["fixes"], o["signal"]) for o in content["time_offsets"]} == {
+        (fixes, signal) for fixes in ("positions", "velocities") for signal in ("turns", "speed")
+    }
+    assert content["fixes"]["start"] == pytest.approx(TOW + 0.3, abs=1.0)
+    assert (tmp_path / "inspection.png").read_bytes().startswith(b"\x89PNG")
+    assert "give --out" in call("inspect", drive, "--plot", code=1).stderr

@@ -107,3 +107,14 @@ def test_errors_in_outages():
     assert at_end.y.names == ("5", "12")
     with pytest.raises(ValueError, match="give outages of a sensor"):
         plotting.plot_withheld(make_navigation(outages=()))
+
+
+def test_what_is_in_a_record():
+    imu, exact = nj.perfect_imu(motions.racetrack(duration=40.0, rate=20.0, straight=40.0, turn=20.0))
+    fixes = nj.recorded.GnssRecord(exact.time[::10], exact.position[::10])
+    keep = np.delete(np.arange(800), slice(300, 320))
+    found = nj.recorded.inspect_record(imu.time[keep], imu.gyro[keep], imu.accel[keep], fixes)
+    frames = plotting.inspection_data(found)
+    assert [f.title for f in frames] == ["specific force", "turn rate", "speed of the fixes", "offset of the clocks"]
+    assert_shows(plotting.plot_inspection(found), frames)
+    assert any(item.label == "gap" for item in frames[0].items)
