@@ -30,7 +30,8 @@ def compiled_quickly(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable
             seen = (*jax.tree.leaves(values), jax.device_put(_NOTHING))
             return (f if any(isinstance(x, jax.core.Tracer) for x in seen) else compiled)(*values)
 
-        call.__dict__["_cache_size"] = compiled._cache_size  # of the program that it is outside
+        # of the program that it is outside
+        call.__dict__.update(_cache_size=compiled._cache_size, clear_cache=compiled.clear_cache)
         return call
 
     return decorate

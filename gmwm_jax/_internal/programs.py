@@ -1,43 +1,46 @@
 """A bound on the compiled programs that a process holds: JAX keeps every program that it ever compiled.
 
-A scenario of another length takes some fifty of them, large ones of a filter and small ones of its preparation, and
-each holds 2 MB: the program, its trace, and what the compiler remembers of it. Most belong to functions of JAX itself,
-which forgets all or nothing.
+Each length of a scenario takes some seven programs of its own, of 10 to 15 MB each: the program, its trace, and what
+the compiler remembers of it. Only functions that are marked as `bounded` are forgotten, and never those of the user.
 """
 
 import ctypes
 import gc
 import threading
+from typing import Any, TypeVar
 
-import jax
-from jax.extend.backend import get_backend
+MAX_PROGRAMS = 60
+"""Programs of all bounded functions, before they are forgotten: 1 GB, some nine scenarios of different lengths."""
 
-MAX_PROGRAMS = 500
-"""Programs that are compiled before all are forgotten: 1 to 1.5 GB, ten scenarios of different lengths."""
-
+_F = TypeVar("_F")
 _lock = threading.Lock()
-_stayed = 0
-"""Programs that were left when all were forgotten last: somebody else holds them."""
+_bounded: list[Any] = []
 
 
-def bound_programs() -> None:
-    """Have JAX forget its programs when it has compiled too many; called where a new scenario is prepared.
-
-    What is called again after that is compiled again, functions of the user too.
-    """
-    global _stayed
-    with _lock:
-        if num_programs() - _stayed <= MAX_PROGRAMS:
-            return
-        jax.clear_caches()
-        gc.collect()
-        _return_memory()
-        _stayed = num_programs()
+def bounded(function: _F) -> _F:
+    """Mark a function of `jax.jit`, `equinox.filter_jit` or `compiled_quickly` that has a program for each length."""
+    # equinox has no public way to forget the programs of one function
+    _bounded.append(getattr(function, "_cached", function))
+    return function
 
 
 def num_programs() -> int:
-    """Programs that are compiled and held by anybody in this process."""
-    return len(get_backend().live_executables())
+    """Number of programs that bounded functions hold."""
+    return sum(f._cache_size() for f in _bounded)
+
+
+def bound_programs() -> None:
+    """Forget the programs of bounded functions when they are too many; called where a new scenario is prepared.
+
+    What is called again after that is compiled again.
+    """
+    with _lock:
+        if num_programs() <= MAX_PROGRAMS:
+            return
+        for f in _bounded:
+            f.clear_cache()
+        gc.collect()
+        _return_memory()
 
 
 def _return_memory() -> None:

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int, Key
 from gmwm_jax._internal.checks import as_float, of_kind
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.host import compiled_quickly
-from gmwm_jax._internal.programs import bound_programs
+from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.states import joined
@@ -144,6 +144,7 @@ def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], ea
     return _step(*state, imu.gyro[sample].T, imu.accel[sample].T, past[None], earth)
 
 
+@bounded
 @compiled_quickly()
 def _step(p: Array, v: Array, q: Array, gyro: Array, accel: Array, dt: Array, earth: AbstractEarth) -> Truth:
     """One step from each of many states, as one program."""
@@ -152,6 +153,7 @@ def _step(p: Array, v: Array, q: Array, gyro: Array, accel: Array, dt: Array, ea
     return Truth(*(a.T[:, :, None] for a in (p, v, q)))
 
 
+@bounded
 @eqx.filter_jit
 def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys: Key[Array, " R"]) -> Inputs:
     """Draw the inputs of R runs, the same for every filter: initial errors, sensor errors, measurements.
@@ -195,6 +197,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     return Inputs(begin, errors, jnp.concatenate(z, axis=1))
 
 
+@bounded
 @eqx.filter_jit
 def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, smooth: bool = False) -> Gains:
     """Compute covariance and gains of a filter along the reference; `smooth` adds what a smoother needs.
@@ -213,6 +216,7 @@ def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, 
     return reference_gains(experiment.timeline, bank, experiment.sensors, start, P, trace=trace, remember=smooth)
 
 
+@bounded
 @eqx.filter_jit
 def run_filter(
     experiment: Experiment,

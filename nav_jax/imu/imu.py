@@ -12,6 +12,7 @@ from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.checks import as_float, increasing, real_array, require_x64, sampling_rate
 from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors
 from nav_jax.kinematics import strapdown
@@ -160,6 +161,7 @@ def perfect_imu(
     return imu, Trajectory(reference.time, position, velocity, reference.quaternion, trajectory.name)
 
 
+@bounded
 @compiled_quickly()
 def _solve(
     p: Float[Array, "3 epochs"],

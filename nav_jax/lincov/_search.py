@@ -11,6 +11,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
+from gmwm_jax._internal.programs import bounded
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment
 from nav_jax.imu.bank import SensorBank
@@ -109,6 +110,7 @@ def _smaller(structure: Structure, found: Mapping[Structure, Ended]) -> list[Str
     return sorted(({(accel - 1, gyro), (accel, gyro - 1)} & found.keys()), key=lambda s: found[s].loss)
 
 
+@bounded
 @eqx.filter_jit
 def _loss(
     courses: tuple[Course, ...], family: Family, vector: Any, mask: Array, walks: Any, objective: str
@@ -116,6 +118,7 @@ def _loss(
     return mean_loss(courses, family.bank(jnp.asarray(vector), mask, jnp.asarray(walks)), objective)
 
 
+@bounded
 @eqx.filter_jit
 def _descend(
     courses: tuple[Course, ...],

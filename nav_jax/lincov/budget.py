@@ -15,6 +15,7 @@ from jax import Array
 from jaxtyping import Float, Float64, Int
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
@@ -136,6 +137,7 @@ def error_budget(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None 
     )
 
 
+@bounded
 @eqx.filter_jit
 def _parts(
     experiment: Experiment, motion: Motion, noise: Noise, ours: SensorBank, weights: _Weights, at: Int[Array, " E"]

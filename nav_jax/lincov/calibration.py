@@ -18,6 +18,7 @@ from jaxtyping import Float, Float64, Int, Key
 
 from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup
@@ -171,6 +172,7 @@ def _rms(
     return rms_of(found.true.navigation[:, at])
 
 
+@bounded
 @eqx.filter_jit
 def _used_and_best(
     experiment: Experiment, motion: Motion, lines: ErrorLines, at: Int[Array, " E"], true: Float[Array, "D P"]
@@ -180,6 +182,7 @@ def _used_and_best(
     return used, _rms(experiment, motion, lines, at, true, true)
 
 
+@bounded
 @eqx.filter_jit
 def _slope(
     experiment: Experiment, motion: Motion, lines: ErrorLines, at: Int[Array, " E"]

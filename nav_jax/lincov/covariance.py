@@ -25,6 +25,7 @@ from jax import Array
 from jax.scipy.linalg import block_diag
 from jaxtyping import Bool, Float, Int
 
+from gmwm_jax._internal.programs import bounded
 from nav_jax.aiding.states import joined, power
 from nav_jax.filter.ekf import mechanise_with_motion, update
 from nav_jax.filter.error_model import Covariance, Motion, blocks, full, propagate
@@ -58,6 +59,7 @@ class Lincov(NamedTuple):
     """Whether no variance was negative or not finite by then, of what was given and of what came out."""
 
 
+@bounded
 @eqx.filter_jit
 def motion_of(experiment: Experiment) -> Motion:
     """Compute the motion over each covariance step, arrays (M, G, ...): all that covariances ask of a reference.
@@ -167,6 +169,7 @@ def noise_of(experiment: Experiment, truth: ImuErrors) -> Noise:
     return Noise(experiment.initial.covariance, bank, aiding)
 
 
+@bounded
 @eqx.filter_jit
 def linear_covariance(
     experiment: Experiment,

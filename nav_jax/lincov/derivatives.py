@@ -15,6 +15,7 @@ from jax import Array
 from jaxtyping import Float, Float64, Int
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
@@ -183,6 +184,7 @@ def sensitivities(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None
     )
 
 
+@bounded
 @eqx.filter_jit
 def _derivatives(
     problem: _Problem, motion: Motion, at: Int[Array, " E"]

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from gmwm_jax._internal.programs import bounded
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.parameters import AidingLines, ErrorLines
@@ -99,6 +100,7 @@ class Slopes(NamedTuple):
     """Expected second derivative, in which products of derivatives of nu take the place of their expectation."""
 
 
+@bounded
 @eqx.filter_jit
 def loss_and_slopes(record: Record, model: Model, vector: Float[Array, " P"]) -> Slopes:
     """The loss of `innovation_loss`, its gradient and the information, by forward mode through the filter.

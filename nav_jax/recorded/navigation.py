@@ -13,7 +13,7 @@ from jaxtyping import Float64, Int
 
 from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.programs import bound_programs
+from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -256,6 +256,7 @@ def _whitening(fixes: Fixes) -> Float64[np.ndarray, "F K K"] | None:
     return believed[:, None] * np.linalg.inv(np.linalg.cholesky(fixes.covariance))
 
 
+@bounded
 @eqx.filter_jit
 def run_record(
     timeline: Timeline,

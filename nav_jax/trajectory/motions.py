@@ -22,6 +22,7 @@ from scipy.interpolate import make_interp_spline
 
 from gmwm_jax._internal.checks import as_float, number, real_array, require_x64, sampling_rate
 from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.trajectory.attitudes import attitude_of_navigation, coordinated_attitude
@@ -365,6 +366,7 @@ GENERATORS: dict[str, Callable[..., Trajectory]] = {
 """The motions that configuration files know, by name."""
 
 
+@bounded
 @compiled_quickly(static_argnums=(0,))
 def _derivatives(path: Path, time: Float[Array, " epochs"], *parameters: Any) -> Any:
     """A path and its first two derivatives; every epoch depends on its own time only."""

@@ -1,5 +1,6 @@
-"""The programs that a process holds are bounded: beyond a number all are forgotten, and before it none."""
+"""The programs of bounded functions are bounded: beyond a number they are forgotten, before it none, others never."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,64 +8,57 @@ import pytest
 from helpers import CountTraces
 
 from gmwm_jax._internal import programs
+from gmwm_jax._internal.host import compiled_quickly
 
 
 @pytest.fixture(autouse=True)
-def begin_without_programs():
-    """What other tests compiled is forgotten, and what they still hold is none of ours."""
-    before = programs.MAX_PROGRAMS, programs._stayed
-    programs.MAX_PROGRAMS, programs._stayed = -1, 0
-    programs.bound_programs()
-    yield
-    programs.MAX_PROGRAMS, programs._stayed = before
+def no_bounded_functions(monkeypatch):
+    """Those of the packages keep what other tests have compiled."""
+    monkeypatch.setattr(programs, "_bounded", [])
+    monkeypatch.setattr(programs, "MAX_PROGRAMS", 3)
 
 
-def counted():
+def counted(compile=jax.jit):
     counter = CountTraces(lambda x: 2.0 * x)
-    return jax.jit(counter), counter
+    return programs.bounded(compile(counter)), counter
 
 
-def test_up_to_the_limit_nothing_is_forgotten():
-    double, counter = counted()
+@pytest.mark.parametrize("compile", [jax.jit, eqx.filter_jit, compiled_quickly()])
+def test_up_to_the_limit_nothing_is_forgotten_and_beyond_it_all(compile):
+    double, counter = counted(compile)
     for size in (1, 2, 3):
         double(np.ones(size))
-    programs.MAX_PROGRAMS = programs.num_programs() - programs._stayed
+    assert programs.num_programs() == 3
     programs.bound_programs()
     for size in (1, 2, 3):
         np.testing.assert_array_equal(double(np.ones(size)), 2.0)
     assert counter.count == 3
+    double(np.ones(4))
+    programs.bound_programs()
+    assert programs.num_programs() == 0
+    np.testing.assert_array_equal(double(np.ones(2)), 2.0)  # compiled again when it is called
+    assert counter.count == 5
 
 
-def test_beyond_it_all_are_forgotten_and_compiled_again_when_called():
-    double, counter = counted()
-    left = programs.num_programs()
-    for size in (1, 2, 3):
+def test_functions_of_others_are_left_alone():
+    double, _ = counted()
+    counter = CountTraces(lambda x: x + 1.0)
+    of_the_user = jax.jit(counter)
+    for size in range(1, 6):
         double(np.ones(size))
-    assert programs.num_programs() == left + 3
-    programs.MAX_PROGRAMS = 2
+        of_the_user(np.ones(size))
     programs.bound_programs()
-    assert programs.num_programs() <= left
-    np.testing.assert_array_equal(double(np.ones(2)), 2.0)
-    assert counter.count == 4
-
-
-def test_programs_that_others_hold_do_not_count():
-    """Or each scenario would forget the programs of the last."""
-    double, counter = counted()
-    held = [jax.jit(lambda x, i=i: x + i).lower(jnp.ones(())).compile() for i in range(1, 6)]
-    programs.MAX_PROGRAMS = 3
-    programs.bound_programs()
-    assert programs.num_programs() >= len(held)
-    double(np.ones(1))
-    programs.bound_programs()
-    double(np.ones(1))
-    assert counter.count == 1
-    assert [float(h(jnp.ones(()))) for h in held] == [2.0, 3.0, 4.0, 5.0, 6.0]
+    assert programs.num_programs() == 0
+    for size in range(1, 6):
+        of_the_user(np.ones(size))
+    assert counter.count == 5
 
 
 def test_inside_a_trace():
     """A program that is being traced is not disturbed, nor its derivative."""
     double, _ = counted()
+    for size in range(1, 6):
+        double(np.ones(size))
 
     def outer(x):
         y = double(x)
