@@ -33,9 +33,8 @@ def names_of(table: Columns) -> Names:
     divided = [of_column(name) for name in table.names]
     labels = [base or f"column_{i}" for i, (base, _) in enumerate(divided)]
     units = [table.units.get(name, unit) for name, (_, unit) in zip(table.names, divided, strict=True)]
-    for i, name in enumerate(table.names):
-        if labels.count(labels[i]) > 1:  # only their units tell them apart
-            labels[i] = plain_name(name) or labels[i]
+    twice = {label for label in labels if labels.count(label) > 1}  # only their units tell them apart
+    labels = [plain_name(n) or x if x in twice else x for n, x in zip(table.names, labels, strict=True)]
     for role, i in table.roles.items():
         labels[i] = role
     return Names(tuple(labels), tuple(units))

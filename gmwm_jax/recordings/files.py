@@ -179,6 +179,8 @@ def _recording(
     if columns is None and not table.roles:
         picked = [i for i in picked if called.units[i] is None or is_signal(str(called.units[i]))] or picked
     picked = select(picked, channels, table, called)
+    text = [written[i] for i in sorted(table.text) if i not in timed]
+    of_text = (f"Left out, no numbers: {', '.join(text)}.",) if text and columns is None and not table.roles else ()
     labels = labels_of(picked, table, called)
     stated = [known.units[i] for i in picked] if known else [called.units[i] for i in picked]
     found_signals = signals_of(labels, stated, units, scale, table, called)
@@ -208,7 +210,7 @@ def _recording(
         {t: (written[i], s.written) for t, i, s in zip(titles, picked, signals, strict=True)},
         hertz, source if source != "rate=" else "what was given", time_found,
         None if times is None or clocks is None else drift_of(times, clocks),
-        (*table.notes, *left_out, *resets, *dropped),
+        (*table.notes, *of_text, *left_out, *resets, *dropped),
     )  # fmt: skip
     return Recording(
         data, hertz, tuple(titles), tuple(signal_unit(s.unit).si for s in signals), name or table.title or file.stem,

@@ -96,7 +96,7 @@ def test_the_options_of_the_reader(rec, tmp_path):
     assert [line.split() for line in understood[3:5]] == [
         ["accel_z", "az", "1e-4", "m/s^2"], ["roll", "gx", "1e-5", "rad/s"],
     ]  # fmt: skip
-    assert understood[5] == "1 missing samples became NaN."
+    assert understood[5:] == ["Left out, no numbers: state.", "1 missing samples became NaN."]
 
 
 def test_columns_time_unit_delimiter_and_level(rec, wv, tmp_path):

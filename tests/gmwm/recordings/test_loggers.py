@@ -308,6 +308,14 @@ def test_increments_by_their_names(tmp_path):
     assert rec["dtheta"].units == ("rad/s",) * 3
 
 
+def test_names_that_only_units_tell_apart(tmp_path):
+    """And what is no number (a thousands separator, here) is not left out silently."""
+    file = tmp_path / "a.csv"
+    file.write_text("gyro_x [deg/s];gyro_x [rad/s];much\n1;2;1.234,5\n2;1;2.345,6\n")
+    rec = read_recording(file, rate=1.0)
+    assert (rec.channels, rec.understood.notes) == (("gyro_x_deg_s", "gyro_x_rad_s"), ("Left out, no numbers: much.",))
+
+
 def test_names_as_they_stand_in_the_file(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("Zeit ü [ms];Drehrate X;Drehrate Y (°/s);Status\n" +
