@@ -384,9 +384,10 @@ def plot_withheld(navigation: Navigation, *, axes: GivenAxes | None = None) -> F
             ax.set_yticks(range(len(frame.y.names)), frame.y.names)
             ax.set_ylim(len(frame.y.names) - 0.5, -0.5)
             ax.set_xlim(left=0.0)
+            ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)  # beside the bars
         else:
             ax.margins(x=0)
             ax.set_ylim(bottom=0.0)
-        ax.legend(fontsize=8)
+            ax.legend(fontsize=8)
         grid(ax)
     return figure

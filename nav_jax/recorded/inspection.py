@@ -353,6 +353,11 @@ def _rests(
     for a, b in zip(edges[::2], edges[1::2], strict=True):
         first, last = starts[a], ends[b - 1]
         if time[last - 1] - time[first] >= _SHORTEST - 0.1:
-            mean = [tuple(float(x) for x in data[first:last].mean(axis=0)) for data in (accel, gyro)]
-            found.append(Rest(float(time[first]), float(time[last - 1]), mean[0], mean[1]))
+            force, rate = _mean(accel[first:last]), _mean(gyro[first:last])
+            found.append(Rest(float(time[first]), float(time[last - 1]), force, rate))
     return tuple(found)
+
+
+def _mean(vectors: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = vectors.mean(axis=0).tolist()
+    return x, y, z
