@@ -4,8 +4,8 @@ Between two fixes the course of a vehicle changes by the integral of its turn ra
 specific force along it. On a level way both are linear in the integrals of the three axes of gyro and accelerometer,
 however the IMU is mounted, plus a constant times the time. An antenna at a distance l ahead of the rear axle has a
 course that is ahead of the heading by l/v times the turn rate: turn rates over speeds are fitted too, or they would
-look like an offset. Fits by least squares at many offsets tell that of the smallest residuals; its standard error is
-that of the jackknife over blocks of the record.
+look like an offset, and at a constant speed nothing tells the two apart. Fits by least squares at many offsets tell
+that of the smallest residuals; its standard error is that of the jackknife over blocks of the record.
 """
 
 from dataclasses import dataclass
@@ -85,12 +85,11 @@ def clock_offsets(
 
     Examples
     --------
-    >>> path = nj.motions.racetrack(duration=80.0, rate=50.0, straight=40.0, turn=20.0)
-    >>> imu, exact = nj.perfect_imu(path)
+    >>> imu, exact = nj.perfect_imu(nj.motions.lemniscate(duration=120.0, rate=50.0))
     >>> fixes = nj.recorded.GnssRecord(exact.time[::25] - 0.3, exact.position[::25])
     >>> turns, speed = nj.recorded.clock_offsets(imu.time, imu.gyro, imu.accel, fixes)
-    >>> round(turns.value, 2)
-    0.3
+    >>> round(turns.value, 1), round(speed.value, 1)
+    (0.3, 0.3)
     """
     span = number("most", most)
     tried = _STEP * np.arange(-np.ceil(span / _STEP), np.ceil(span / _STEP) + 1)

@@ -126,6 +126,13 @@ def read_samples(
     ------
     FileNotFoundError, ImportError, ValueError
         See `read_imu`.
+
+    Examples
+    --------
+    >>> names = ["time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+    >>> table = dict(zip(names, np.column_stack([[0.0, 0.1, 0.5], np.zeros((3, 6))]).T))
+    >>> nj.recorded.read_samples(table, units={"gyro": "deg/s", "accel": "g"})[0].tolist()  # one is missing
+    [0.0, 0.1, 0.5]
     """
     how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
     opened = _open(source, how, units, scale, columns, time_unit)
