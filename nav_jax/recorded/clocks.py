@@ -93,7 +93,7 @@ def clock_offsets(
     """
     span = number("most", most)
     tried = _STEP * np.arange(-np.ceil(span / _STEP), np.ceil(span / _STEP) + 1)
-    sources = {"positions": _of_positions(fixes)}
+    sources: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray | None]] = {"positions": _of_positions(fixes)}
     if fixes.velocity is not None:
         there = np.isfinite(fixes.velocity[:, :2]).all(axis=1)
         sources["velocities"] = (fixes.time[there], fixes.velocity[there, :2], None)

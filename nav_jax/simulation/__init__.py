@@ -19,6 +19,7 @@ How to read a comparison
   that would be needed.
 """  # noqa: E501
 
+from gmwm_jax._internal.saved import load as load
 from nav_jax.simulation.campaign import compare as compare
 from nav_jax.simulation.campaign import monte_carlo as monte_carlo
 from nav_jax.simulation.comparison import Comparison as Comparison

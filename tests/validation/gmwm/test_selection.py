@@ -3,6 +3,7 @@
 from collections import Counter
 
 import jax
+import numpy as np
 import pytest
 from helpers import SIGMAS
 from programs import FAINT, LARGE, drawn_channels
