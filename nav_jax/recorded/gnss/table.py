@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
-from nav_jax.recorded.gnss.raw import Asked, RawFixes, diagonal
+from nav_jax.recorded.gnss.raw import ENU, Asked, RawFixes, diagonal
 from nav_jax.recorded.gnss.time_scales import from_calendar
 from nav_jax.trajectory.columns import (
     ECEF,
@@ -51,7 +51,7 @@ def read_table(file: Path, asked: Asked) -> RawFixes:
     velocity = next((v for v in (VELOCITY, VELOCITY_UP) if set(v) <= set(at)), None)
     read = Reader(table, at, asked.angles, asked.time_unit)
     position = read.three(names)
-    down = {"up": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])}.get(names[-1], np.eye(3))
+    down = ENU if names[-1] == "up" else np.eye(3)
     time = read.values["time"]
     is_stamp = time.dtype.kind == "M"
     return RawFixes(
