@@ -19,3 +19,5 @@ class Reading(NamedTuple):
     """The type of IMU whose counts these are."""
     told: Callable[[int], object] | None = None
     """Hears of the bytes read."""
+    max_bytes: int | None = None
+    """To which the file may unfold; None: see `gmwm_jax._internal.limits`."""

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.state_files import Content, read_state, require_suffix, state_of_dataset, write_state
 from gmwm_jax._internal.states import from_state, kind_of, registered, to_state
 from gmwm_jax._internal.stores import SUFFIXES as DATASETS
@@ -78,13 +79,15 @@ class AsDataset(Saved):
         raise NotImplementedError
 
 
-def load(path: str | os.PathLike) -> Any:
+def load(path: str | os.PathLike, *, max_bytes: int | str | None = None) -> Any:
     """Read a result that ``save`` wrote: it prints, draws and serves as the one that was saved.
 
     Parameters
     ----------
     path
         A file ``*.npz``, ``*.json`` or ``*.nc``, or a folder ``*.zarr``.
+    max_bytes
+        Bytes to which netCDF and Zarr may unfold, see `gmwm_jax.read_recording`; the others are as large as the file.
 
     Returns
     -------
@@ -109,7 +112,7 @@ def load(path: str | os.PathLike) -> Any:
     """
     path = Path(path)
     if require_suffix(path) in DATASETS:
-        dataset = read_dataset(path)
+        dataset = read_dataset(path, size_in_bytes(max_bytes))
         if (known := AsDataset._of_kind.get(dataset.attrs["kind"])) is not None:
             try:
                 return known.from_xarray(dataset)

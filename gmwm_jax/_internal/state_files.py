@@ -18,18 +18,13 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.limits import MAX_HEADER, MAX_JSON
 from gmwm_jax._internal.states import State
 from gmwm_jax._internal.stores import SUFFIXES as DATASETS
 from gmwm_jax._internal.stores import import_xarray, write_dataset
 
 FORMAT = 1
 """Of all files. Raised when a reader of the former one would misunderstand it."""
-
-MAX_HEADER = 1 << 26
-"""Bytes of a header of an npz: that of a selection among hundreds of models has a hundredth of it."""
-
-MAX_TEXT = 1 << 30
-"""Bytes of a file of JSON."""
 
 _HEADER = "header.json"
 _DTYPES = {"bool": "|b1", "int32": "<i4", "int64": "<i8", "float64": "<f8"}
@@ -177,8 +172,8 @@ def _dumps(value: Any) -> str:
 
 
 def _read_json(path: Path) -> tuple[Any, dict[str, np.ndarray]]:
-    if (size := path.stat().st_size) > MAX_TEXT:
-        raise ValueError(f"it has {size} bytes, and at most {MAX_TEXT} are read")
+    if (size := path.stat().st_size) > MAX_JSON:
+        raise ValueError(f"it has {size} bytes, and at most {MAX_JSON} are read")
     header = json.loads(path.read_bytes(), parse_constant=_refuse)
     listed = header.pop("arrays", {}) if isinstance(header, dict) else {}
     return header, {name: _array_of_json(**a) for name, a in listed.items()}

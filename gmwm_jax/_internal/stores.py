@@ -6,6 +6,7 @@ result with holes looks like one with failed runs.
 
 import importlib
 import json
+import math
 import os
 import zlib
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm_jax._internal.atomic import make_atomically, settle_abandoned
+from gmwm_jax._internal.hdf5 import bytes_of_hdf5
+from gmwm_jax._internal.limits import TooLargeError, require_size
 
 if TYPE_CHECKING:
     import xarray
@@ -27,6 +30,9 @@ _HEADERS = 1 << 20
 
 _TEXT_FILTER = "vlen-utf8"
 """Of arrays of text in a Zarr folder, the only filter that one of ours has."""
+
+_ITEM = 8
+"""Bytes of a value."""
 
 SUFFIXES = (".zarr", ".nc")
 
@@ -89,13 +95,15 @@ def write_dataset(dataset: "xarray.Dataset", path: str | os.PathLike) -> Path:
     return make_atomically(path, make)
 
 
-def read_dataset(path: str | os.PathLike) -> "xarray.Dataset":
+def read_dataset(path: str | os.PathLike, max_bytes: int | None = None) -> "xarray.Dataset":
     """Read and check what `write_dataset` wrote, or xarray itself from the same Dataset.
 
     Parameters
     ----------
     path
         A folder ``*.zarr`` or a file ``*.nc``.
+    max_bytes
+        To which it may unfold.
 
     Returns
     -------
@@ -118,7 +126,13 @@ def read_dataset(path: str | os.PathLike) -> "xarray.Dataset":
     try:
         if engine == "zarr":
             _require_plain(path)
+            parts = [file for file in path.rglob("*") if file.is_file()]
+            require_size("The result", _bytes_of_zarr(path), sum(file.stat().st_size for file in parts), max_bytes)
+        else:
+            require_size("The result", bytes_of_hdf5(path), path.stat().st_size, max_bytes)
         found = xarray.load_dataset(path, engine=engine, decode_times=False)
+    except TooLargeError as error:
+        raise TooLargeError(f"{path}: {error}") from error
     except Exception as error:  # of HDF5, Zarr, its codecs and JSON there are too many kinds to name
         raise ValueError(
             f"{path} cannot be read as {engine}: it is corrupt, cut off or something else ({error})."
@@ -157,6 +171,14 @@ def _require_plain(path: Path) -> None:
             for one in filters(json.loads(file.read_bytes())):
                 if not isinstance(one, dict) or one.get("id") != _TEXT_FILTER:
                     raise ValueError(f"{file.relative_to(path)} has the filter {one!r:.80}")
+
+
+def _bytes_of_zarr(path: Path) -> int:
+    """Bytes in memory of all arrays of a folder: a chunk that is not there is filled up."""
+    shapes = [
+        json.loads(file.read_bytes()).get("shape", ()) for name in (".zarray", "zarr.json") for file in path.rglob(name)
+    ]
+    return sum(_ITEM * math.prod(shape) for shape in shapes)
 
 
 def _engine(path: Path) -> str:

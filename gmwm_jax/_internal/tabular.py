@@ -7,7 +7,6 @@ import difflib
 import os
 import shutil
 import tempfile
-import warnings
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +18,11 @@ import numpy as np
 from gmwm_jax._internal.columns import Columns
 from gmwm_jax._internal.formats.registry import FORMATS, TEXT, recognise
 from gmwm_jax._internal.formats.ros_bag import BAGS
+from gmwm_jax._internal.hdf5 import bytes_of_hdf5
+from gmwm_jax._internal.limits import TooLargeError, require_size
+from gmwm_jax._internal.numpy_files import load_arrays
 from gmwm_jax._internal.optional import import_optional
+from gmwm_jax._internal.r_files import load_r
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.text_files import TEXT_SUFFIXES, open_text
 from gmwm_jax._internal.text_source import COMPRESSED, inner_name, text_source, unpacked, unpacking
@@ -110,7 +113,7 @@ def _unpacked(opener: Callable[[Path, Reading], Columns], file: Path, how: Readi
     folder = tempfile.mkdtemp()
     copy = Path(folder) / Path(inner_name(file)).name
     try:
-        with unpacking(), unpacked(file, how.told) as stream, copy.open("wb") as target:
+        with unpacking(), unpacked(file, how.told, how.max_bytes) as stream, copy.open("wb") as target:
             shutil.copyfileobj(stream, target)
         table = opener(copy, how)
     except BaseException:
@@ -129,7 +132,7 @@ def _parsing(kind: str) -> Iterator[None]:
     """Say that the file is bad, whichever of a dozen errors its library or decompressor raises."""
     try:
         yield
-    except (PermissionError, MemoryError):
+    except (PermissionError, MemoryError, TooLargeError):
         raise
     except Exception as error:
         raise ValueError(
@@ -187,9 +190,8 @@ def _of_dataset(dataset: Any) -> Columns:
 
 def _open_numpy(file: Path, how: Reading) -> Columns:
     """Open an array, a saved recording, a table with its names, or one of vectors that are its columns."""
-    with _parsing("NumPy"), file.open("rb") as stream:
-        loaded = np.load(stream, allow_pickle=False)
-        arrays = {"": loaded} if isinstance(loaded, np.ndarray) else {name: loaded[name] for name in loaded}
+    with _parsing("NumPy"):
+        arrays = load_arrays(file, how.max_bytes)
     if set(arrays) == set(SAVED_RECORDING):
         data, rate, channels, units, name = (arrays[key] for key in SAVED_RECORDING)
         stated = dict(zip(channels.tolist(), units.tolist(), strict=True))
@@ -204,21 +206,31 @@ def _open_numpy(file: Path, how: Reading) -> Columns:
 def _open_parquet(file: Path, how: Reading) -> Columns:
     parquet = import_optional("pyarrow.parquet")
     with _parsing("Parquet"):
-        names = parquet.read_schema(file).names
+        footer = parquet.read_metadata(file)
+        names = footer.schema.to_arrow_schema().names
 
     def load(picked: list[int]) -> list[np.ndarray]:
+        require_size("The columns", _in_memory(footer, len(picked)), file.stat().st_size, how.max_bytes)
         with _parsing("Parquet"):
             table = parquet.read_table(file, columns=[names[i] for i in picked])
         return [table[names[i]].to_numpy() for i in picked]
 
-    kinds = parquet.read_schema(file).types
+    kinds = footer.schema.to_arrow_schema().types
     text = frozenset(i for i, kind in enumerate(kinds) if str(kind) in ("string", "large_string", "bool"))
     return Columns(tuple(names), len(names), load, text=text)
+
+
+def _in_memory(footer: Any, columns: int) -> int:
+    """Bytes of some columns of a Parquet file: their numbers, or what its pages unpack to."""
+    groups = [footer.row_group(i) for i in range(footer.num_row_groups)]
+    return max(8 * footer.num_rows * columns, sum(group.total_byte_size for group in groups))
 
 
 def _open_netcdf(file: Path, how: Reading) -> Columns:
     xarray = import_optional("xarray")
     import_optional("h5netcdf")
+    with _parsing("netCDF"):
+        require_size("The variables", bytes_of_hdf5(file), file.stat().st_size, how.max_bytes)
     with _parsing("netCDF"), xarray.open_dataset(file, engine="h5netcdf", decode_timedelta=False) as dataset:
         return _of_dataset(dataset)
 
@@ -229,16 +241,13 @@ def _open_r(file: Path, how: Reading) -> Columns:
     An object of class ``imu`` (of the R packages gmwm and simts) states its rate, one of class ``trajectory`` (of the R
     package navigation) its kind of position.
     """
-    rdata = import_optional("rdata")
-    constructors = {
-        **rdata.conversion.DEFAULT_CLASS_MAP,
+    import_optional("rdata")
+    classes = {
         "imu": lambda value, attributes: (value, attributes),
         "ts": lambda value, attributes: value,  # by default it gets an index of fractions, one a sample
     }
-    with _parsing("R data"), warnings.catch_warnings(action="error"):  # an unknown file type is only a warning
-        parsed = rdata.parser.parse_file(file)
-    with _parsing("R data"), warnings.catch_warnings(action="ignore"):  # other classes: judged by what they hold
-        objects = rdata.conversion.convert(parsed, constructor_dict=constructors)
+    with _parsing("R data"):
+        objects = load_r(file, how.max_bytes, classes)
     found = objects[_only(list(objects), how.variable)]
     if isinstance(found, dict) and {"trajectory", "system"} <= set(found):
         system = {"ned": "ned", "ellipsoidal": "geodetic"}.get(str(np.ravel(found["system"])[0]))
@@ -261,7 +270,7 @@ def _of_r(value: Any, rate: float | None = None) -> Columns:
 
 
 def _open_text(file: Path, how: Reading) -> Columns:
-    source = text_source(file)
+    source = text_source(file, how.max_bytes)
     if how.told is not None:
         source = source.watched(how.told)
     if how.format == TEXT:

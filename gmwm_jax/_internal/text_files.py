@@ -6,6 +6,7 @@ where. All three give the same numbers.
 """
 
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.columns import Columns
+from gmwm_jax._internal.limits import TooLargeError
 from gmwm_jax._internal.text_layout import Layout, find_layout, is_comment, is_number, split
-from gmwm_jax._internal.text_source import TextSource, unpacking, with_points
+from gmwm_jax._internal.text_source import TextSource, numbered_lines, short_lines, unpacking, with_points
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".imu")
 """Of the files that are read as text."""
@@ -25,6 +27,9 @@ _PANDAS_PAYS = 40_000_000
 
 _ROWS = 500_000
 """That are read at once."""
+
+_SHOWN = 20
+"""Fields that a message repeats."""
 
 _EXACT = 15
 """Digits of an integer that a float keeps; longer ones (nanoseconds since 1970) are read as integers."""
@@ -80,7 +85,9 @@ class _Table:
             by = self._by_pandas if with_pandas else self._by_numpy
             try:
                 table, counted = by(numeric, picked)
-            except ValueError:
+            except TooLargeError:
+                raise
+            except (ValueError, OverflowError):  # the latter of integers of 20 digits
                 return _by_lines(self._rows(), len(numeric), picked)
             if not counted:
                 _by_lines(self._rows(), len(numeric), [])
@@ -156,18 +163,20 @@ class _Table:
         skipped, options = self.layout.skipped, {"comments": self.layout.comment, "quotechar": '"', "dtype": kind}
         options |= {"delimiter": self.layout.separator, "ndmin": 2, "usecols": columns, "encoding": "latin-1"}
         if self.source.as_it_is:
+            with self.source.open() as stream:
+                deque(short_lines(stream), maxlen=0)
             return np.loadtxt(self.source.file, skiprows=skipped, **options).T
-        with self.source.lines(newline=None) as stream:
+        with self.source.then(short_lines).lines(newline=None) as stream:
             return np.loadtxt(stream, skiprows=skipped, **options).T
 
     def _exact(self, column: int) -> bool:
         """Is this a column of integers that floats do not keep?"""
         field = self.layout.first[column]
-        return field.isdecimal() and len(field) > _EXACT
+        return field.isdecimal() and _EXACT < len(field) < 20 and int(field) < 2**63
 
     def _data(self):
         """The bytes from the first line of data on."""
-        stream = self.source.open()
+        stream = self.source.then(short_lines).open()
         left = self.layout.start
         while left:
             left -= len(stream.read(min(left, 1 << 20)))
@@ -176,7 +185,7 @@ class _Table:
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
         """Number and fields of each line of data."""
         with self.source.lines(newline=None) as stream:
-            for number, line in enumerate(stream, start=1):
+            for number, line in numbered_lines(stream):
                 text = line.partition(self.layout.comment)[0].rstrip("\r\n")
                 if number > self.layout.skipped and text.strip() and not is_comment(text):
                     yield number, split(text, self.layout.separator)
@@ -214,7 +223,8 @@ def _pandas_pays(file: Path) -> bool:
 
 def _counted(line: int, fields: list[str], count: int) -> None:
     if len(fields) != count:
-        raise ValueError(f"Line {line} has {len(fields)} fields, and the first line of data {count}: {fields}")
+        seen = f"{fields[:_SHOWN]}" + " ..." * (len(fields) > _SHOWN)
+        raise ValueError(f"Line {line} has {len(fields)} fields, and the first line of data {count}: {seen}")
 
 
 def _by_lines(rows: Iterator[tuple[int, list[str]]], count: int, picked: list[int]) -> list[np.ndarray]:

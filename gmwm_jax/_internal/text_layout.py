@@ -2,11 +2,12 @@
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from gmwm_jax._internal.text_source import LONGEST_LINE, TextSource, decoded, unpacking
+from gmwm_jax._internal.limits import require_columns
+from gmwm_jax._internal.text_source import TextSource, decoded, numbered_lines, unpacking
 
 _AHEAD = 50
 """Lines of data that are looked at."""
@@ -64,7 +65,7 @@ def find_layout(source: TextSource, delimiter: str | None, header: int | None) -
     if delimiter is not None and len(delimiter) != 1:
         raise ValueError(f"A delimiter is one character, and {delimiter!r} is not. Leave it out for blanks.")
     with unpacking(), source.lines() as stream:
-        head, ahead = _divide(stream, delimiter, header)
+        head, ahead = _divide((line for _, line in numbered_lines(stream)), delimiter, header)
     start = sum(len(line) for line in head)  # characters of Latin-1 are bytes
     lines = [decoded(line.rstrip("\r\n")) for line in head]
     comment = next((text.lstrip()[0] for text in lines if is_comment(text) and text.lstrip()[0] in "#%"), "#")
@@ -72,6 +73,7 @@ def find_layout(source: TextSource, delimiter: str | None, header: int | None) -
     separator = delimiter or sniff(data[0])
     commas = _has_commas([split(text, separator) for text in data]) if separator != "," else False
     first = tuple(split(data[0], separator))
+    require_columns(len(first))
     names, units = _names(lines, separator, first)
     if header is None and names is None and any(text.strip() and not is_comment(text) for text in lines):
         raise ValueError(
@@ -115,18 +117,13 @@ def split(text: str, separator: str | None) -> list[str]:
     return [field.strip().strip('"') for field in fields]
 
 
-def _divide(stream, delimiter: str | None, header: int | None) -> tuple[list[str], list[str]]:
+def _divide(stream: Iterator[str], delimiter: str | None, header: int | None) -> tuple[list[str], list[str]]:
     """Return the lines before the data as they are, and the first lines of data."""
-    lines = islice(iter(lambda: stream.readline(LONGEST_LINE + 1), ""), _LONGEST_HEAD)
     head: list[str] = []
     waiting: list[str] = []  # a line that may be the first of data, and blank ones or comments behind it
     candidate = ""
     named = False
-    for line in lines:
-        if len(line) > LONGEST_LINE:
-            raise ValueError(
-                f"Line {len(head) + 1} is longer than {LONGEST_LINE} characters: this is no table of text."
-            )
+    for line in islice(stream, _LONGEST_HEAD):
         text = line.rstrip("\r\n")
         if len(head) + len(waiting) < (header or 0) or not text.strip() or is_comment(text):
             (waiting if waiting else head).append(line)
@@ -152,8 +149,8 @@ def _divide(stream, delimiter: str | None, header: int | None) -> tuple[list[str
     raise ValueError(f"The file holds no line of data{seen}.")
 
 
-def _ahead(stream) -> list[str]:
-    return [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(LONGEST_LINE + 1), ""), _AHEAD)]
+def _ahead(stream: Iterator[str]) -> list[str]:
+    return [line.rstrip("\r\n") for line in islice(stream, _AHEAD)]
 
 
 def _numbers(text: str, delimiter: str | None) -> bool:

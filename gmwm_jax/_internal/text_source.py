@@ -10,16 +10,17 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
+
+from gmwm_jax._internal.limits import LONGEST_LINE, TooLargeError, require_stream
 
 COMPRESSED = (".gz", ".bz2", ".xz", ".zip")
 """Suffixes of files that are packed."""
 
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
 _CHUNK = 1 << 20
-LONGEST_LINE = 1 << 16
-"""Characters; a table of 1,000 columns has fewer."""
 
 Stage = Callable[[io.BufferedIOBase], Iterator[bytes]]
 """What makes other bytes of those of a stream."""
@@ -106,8 +107,17 @@ def _member(archive: zipfile.ZipFile) -> str:
     return names[0]
 
 
-def unpacked(file: Path, told: Callable[[int], object] | None = None) -> io.BufferedIOBase:
-    """Open the bytes of a file, decompressed where it is packed; `told` hears of those read from disk."""
+def _open_member(archive: zipfile.ZipFile) -> Any:
+    try:
+        return archive.open(_member(archive))
+    except RuntimeError as error:  # it has a password, or is packed in a way of which Python knows nothing
+        raise zipfile.BadZipFile(str(error)) from error
+
+
+def unpacked(
+    file: Path, told: Callable[[int], object] | None = None, max_bytes: int | None = None
+) -> io.BufferedIOBase:
+    """Open the bytes of a file, decompressed where it is packed, and counted; `told` hears of those read from disk."""
     kind = packed_as(file)
     raw = file.open("rb") if told is None else io.BufferedReader(_Watched(file, told), _CHUNK)
     if kind is None:
@@ -116,7 +126,7 @@ def unpacked(file: Path, told: Callable[[int], object] | None = None) -> io.Buff
     try:
         if kind == ".zip":
             streams.insert(0, zipfile.ZipFile(raw))
-            streams.insert(0, streams[0].open(_member(streams[0])))
+            streams.insert(0, _open_member(streams[0]))
         else:
             opener: Any = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}[kind]
             streams.insert(0, opener(raw))
@@ -124,7 +134,17 @@ def unpacked(file: Path, told: Callable[[int], object] | None = None) -> io.Buff
         for stream in streams:
             stream.close()
         raise
-    return io.BufferedReader(_Generated(iter(lambda: streams[0].read(_CHUNK), b""), *streams), _CHUNK)
+    parts = _counted(streams[0], file.stat().st_size, max_bytes)
+    return io.BufferedReader(_Generated(parts, *streams), _CHUNK)
+
+
+def _counted(stream: Any, of: int, max_bytes: int | None) -> Iterator[bytes]:
+    """What a decompressor gives, as long as it is no more than a file of this size may become."""
+    total = 0
+    while part := stream.read(_CHUNK):
+        total += len(part)
+        require_stream(total, of, max_bytes)
+        yield part
 
 
 @dataclass(frozen=True)
@@ -139,11 +159,14 @@ class TextSource:
         What is done to the bytes, in this order.
     told
         Hears of the bytes read from disk.
+    max_bytes
+        To which it may unpack.
     """
 
     file: Path
     stages: tuple[Stage, ...] = ()
     told: Callable[[int], object] | None = None
+    max_bytes: int | None = None
 
     @property
     def as_it_is(self) -> bool:
@@ -160,7 +183,7 @@ class TextSource:
 
     def open(self) -> io.BufferedIOBase:
         """Open its bytes."""
-        stream = unpacked(self.file, self.told)
+        stream = unpacked(self.file, self.told, self.max_bytes)
         for stage in self.stages:
             stream = io.BufferedReader(_Generated(stage(stream), stream), _CHUNK)
         return stream
@@ -171,20 +194,64 @@ class TextSource:
 
     def head(self, count: int = 200) -> list[str]:
         """Return its first lines, without their ends."""
-        found: list[str] = []
         with unpacking(), self.lines() as stream:
-            while len(found) < count and (line := stream.readline(LONGEST_LINE + 1)):
-                if len(line) > LONGEST_LINE:
-                    raise ValueError(
-                        f"Line {len(found) + 1} is longer than {LONGEST_LINE} characters: this is no table of text."
-                    )
-                found.append(decoded(line.rstrip("\r\n")))
+            found = [decoded(line.rstrip("\r\n")) for _, line in islice(numbered_lines(stream), count)]
         return found
 
 
-def text_source(file: Path) -> TextSource:
+def numbered_lines(stream: io.TextIOBase) -> Iterator[tuple[int, str]]:
+    """The lines of a text and their numbers, from 1.
+
+    Raises
+    ------
+    TooLargeError
+        A line is longer than `LONGEST_LINE`; no more of it has been read.
+    """
+    number = 0
+    while line := stream.readline(LONGEST_LINE + 1):
+        number += 1
+        if len(line) > LONGEST_LINE:
+            raise TooLargeError(f"Line {number} is longer than {LONGEST_LINE} characters: this is no table of text.")
+        yield number, line
+
+
+def short_lines(stream: io.BufferedIOBase) -> Iterator[bytes]:
+    """Pass on the bytes of a text as long as its lines are short: a stage in front of tokenizers, which trust them.
+
+    Raises
+    ------
+    TooLargeError
+        There is no end of a line for `LONGEST_LINE` bytes.
+    """
+    open_for, number = 0, 1  # bytes of the line that has begun before this part, and its number
+    while part := stream.read(_CHUNK):
+        start = -open_for
+        while start + LONGEST_LINE < len(part):
+            end = _last_end(part, start, start + LONGEST_LINE + 1)
+            if end < 0:
+                number += _ends(part[: max(start, 0)])
+                raise TooLargeError(
+                    f"Line {number} is longer than {LONGEST_LINE} characters: this is no table of text."
+                )
+            start = end + 1
+        start = max(start, _last_end(part, start, len(part)) + 1)
+        open_for, number = len(part) - start, number + _ends(part)
+        yield part
+
+
+def _last_end(text: bytes, start: int, stop: int) -> int:
+    """Where the last end of a line is, or -1."""
+    return max(text.rfind(end, max(start, 0), stop) for end in (b"\n", b"\r"))
+
+
+def _ends(text: bytes) -> int:
+    """Number of ends of lines."""
+    return text.count(b"\n") or text.count(b"\r")
+
+
+def text_source(file: Path, max_bytes: int | None = None) -> TextSource:
     """Open a text file: gzip, bzip2, xz or zip, UTF-8, UTF-16 (told by its mark or its zeros) or Latin-1."""
-    source = TextSource(file)
+    source = TextSource(file, max_bytes=max_bytes)
     with unpacking(), source.open() as stream:
         start = stream.read(4096)
     if start.startswith(codecs.BOM_UTF8):

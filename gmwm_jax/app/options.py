@@ -67,7 +67,7 @@ def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[.
 _OUTPUTS = ("json_file", "plot", "out")
 """Parameters of commands that name a file to be written."""
 
-_OPTIONS = {"num_levels": "levels", "time_unit": "time-unit"} | {
+_OPTIONS = {"num_levels": "levels", "time_unit": "time-unit", "max_bytes": "max-bytes"} | {
     n: n
     for n in (
         "rate", "units", "scale", "columns", "channels", "names", "time", "clock", "gaps", "format", "delimiter",
@@ -170,6 +170,9 @@ class Source:
     ] = None
     variable: Annotated[
         str | None, typer.Option(help="What to read of an .npz or R file of several objects; the topic of a bag.")
+    ] = None
+    max_bytes: Annotated[
+        str | None, typer.Option(help="To which the file may unfold ('8GB'), if that is more than is usual.")
     ] = None
 
     def read(self) -> Recording:

@@ -12,6 +12,7 @@ from gmwm_jax._internal import stamps
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.columns import Columns, Stamps, plain_name
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.progress import progress_bar
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import SAVED_RECORDING, open_file, require_file
@@ -56,6 +57,7 @@ def read_recording(
     header: int | None = None,
     variable: str | None = None,
     name: str | None = None,
+    max_bytes: int | str | None = None,
     progress: bool = False,
 ) -> Recording:
     """Read a recording from a file; its content and its suffix tell the format.
@@ -110,6 +112,9 @@ def read_recording(
         The object to read, where an ``.npz`` or R file, or the topic, where a bag holds several.
     name
         Name of the recording; default: the file name.
+    max_bytes
+        Bytes to which the file may unfold, as a number or as in ``"8GB"``. Unless given: 4.3 GB, and 200 times the
+        file, so that a small one cannot ask for all of the memory. A plain file may always be as large as it is.
     progress
         Show a bar while a text file is read.
 
@@ -121,7 +126,8 @@ def read_recording(
         Parquet, netCDF and R data need the extra ``io``, bags the extra ``ros``.
     ValueError
         A file that is corrupt or no regular numeric series; a column of time that is neither named nor left out; a rate
-        or unit that is missing or contradicts the file; missing samples that are refused.
+        or unit that is missing or contradicts the file; missing samples that are refused; a file that
+        unfolds to more than `max_bytes`, and a text of more than 1,000 columns.
 
     Examples
     --------
@@ -137,10 +143,12 @@ def read_recording(
     require_file(file, _public(file))
     if gaps not in GAPS:
         raise ValueError(f"gaps is one of {', '.join(GAPS)}, and is {gaps!r}.")
+    most = size_in_bytes(max_bytes)
     bar = progress_bar(_size(file), "B", progress)
     try:
         kind = scale if isinstance(scale, str) and not re.match(r"\s*[-+.\d]", scale) else None
-        table = open_file(file, Reading(delimiter, header, variable, format, kind, bar.update if progress else None))
+        told = bar.update if progress else None
+        table = open_file(file, Reading(delimiter, header, variable, format, kind, told, most))
         if kind is not None and table.format != "novatel":
             raise ValueError(f"scale=... names a type of IMU, {kind!r}, which only logs of novatel are read by.")
         return _recording(

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 from pydantic import Field, create_model
 
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from gmwm_jax.units import STANDARD_GRAVITY
@@ -56,8 +57,9 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 _SECTIONS = ("record", "filters", "aiding", "initial", "reference", "run", "output")
 
-_IMU_READ = ("units", "scale", "rate", "columns", "time_unit", "gaps", "format", "delimiter", "header", "variable")
-_FIXES_READ = ("angles", "columns", "time_unit", "delimiter", "header", "variable")
+_IMU_READ = ("units", "scale", "rate", "columns", "time_unit", "gaps", "format", "delimiter", "header", "variable",
+             "max_bytes")  # fmt: skip
+_FIXES_READ = ("angles", "columns", "time_unit", "delimiter", "header", "variable", "max_bytes")
 _GNSS_READ = ("format", "clock", "date", "week")
 _GNSS_MAKE = ("sd_factor", "correlated")
 """Keys that are arguments of `read_imu`, `read_fixes`, `read_gnss`, and of the fixes made of a `GnssRecord`."""
@@ -84,6 +86,7 @@ class RecordSection(Section):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    max_bytes: int | str | None = None
     mounting: Annotated[tuple[Angle, Angle, Angle], Three] | None = None
     start: Time | None = None
     end: Time | None = None
@@ -127,6 +130,7 @@ class FixesSection(Aiding):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    max_bytes: int | str | None = None
     format: str | None = None
     clock: str | None = None
     date: str | None = None
@@ -197,12 +201,14 @@ class ReferenceSection(Section):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    max_bytes: int | str | None = None
     time_offset: Time = 0.0
 
     def read(self, folder: Path, origin: np.ndarray | None) -> Trajectory:
         """In the frame and on the clock of the record."""
         how = self.given("file", "time_offset")
-        table = open_source(folder / self.file, Reading(self.delimiter, self.header, self.variable))
+        to_open = Reading(self.delimiter, self.header, self.variable, max_bytes=size_in_bytes(self.max_bytes))
+        table = open_source(folder / self.file, to_open)
         if choose(table, self.position, self.columns)[0] == "geodetic":
             how["origin"] = origin
         found = read_trajectory(folder / self.file, **how)

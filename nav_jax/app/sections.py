@@ -119,6 +119,7 @@ class TrajectoryFile(Section):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    max_bytes: int | str | None = None
     smooth: Time | None = None
     smooth_attitude: Time | None = None
 
@@ -223,6 +224,7 @@ class RecordingErrors(Section):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    max_bytes: int | str | None = None
 
     def build(self, folder: Path) -> RecordedErrors:  # noqa: D102
         return recorded_errors(folder / self.recording, **self.given("recording"))

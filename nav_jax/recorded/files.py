@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmwm_jax._internal.checks import real_array, require_x64, sampling_rate
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.timing import longest_rise, timing
@@ -32,6 +33,7 @@ def read_imu(
     delimiter: str | None = None,
     header: int | None = None,
     variable: str | None = None,
+    max_bytes: int | str | None = None,
 ) -> Imu:
     """Read the samples of an IMU from a file, an array, a mapping, a DataFrame or an xarray Dataset.
 
@@ -70,6 +72,8 @@ def read_imu(
         Number of the line of names of a text file, from 1; 0: no line has them. Found unless given.
     variable
         The object to read, where an ``.npz`` or R file, or the topic, where a bag holds several.
+    max_bytes
+        Bytes to which the file may unfold, see `gmwm_jax.read_recording`.
 
     Raises
     ------
@@ -91,7 +95,8 @@ def read_imu(
     """
     if gaps not in ("refuse", "longest"):
         raise ValueError(f"gaps is refuse or longest, and is {gaps!r}: a navigation needs all samples.")
-    how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
+    kind = scale if isinstance(scale, str) else None
+    how = Reading(delimiter, header, variable, format, kind, max_bytes=size_in_bytes(max_bytes))
     opened = _open(source, how, units, scale, columns, time_unit)
     try:
         found = _timing(opened.seconds, opened.read, gaps)
@@ -114,12 +119,13 @@ def read_samples(
     delimiter: str | None = None,
     header: int | None = None,
     variable: str | None = None,
+    max_bytes: int | str | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Read time in s, gyro in rad/s and accelerometer in m/s^2 as they were recorded, with gaps if there are.
 
     Parameters
     ----------
-    source, units, scale, rate, columns, time_unit, format, delimiter, header, variable
+    source, units, scale, rate, columns, time_unit, format, delimiter, header, variable, max_bytes
         See `read_imu`; the rate matters for increments alone.
 
     Raises
@@ -134,7 +140,8 @@ def read_samples(
     >>> nj.recorded.read_samples(table, units={"gyro": "deg/s", "accel": "g"})[0].tolist()  # one is missing
     [0.0, 0.1, 0.5]
     """
-    how = Reading(delimiter, header, variable, format, scale if isinstance(scale, str) else None)
+    kind = scale if isinstance(scale, str) else None
+    how = Reading(delimiter, header, variable, format, kind, max_bytes=size_in_bytes(max_bytes))
     opened = _open(source, how, units, scale, columns, time_unit)
     try:
         if len(opened.seconds) < 2:
@@ -234,6 +241,7 @@ def read_fixes(
     delimiter: str | None = None,
     header: int | None = None,
     variable: str | None = None,
+    max_bytes: int | str | None = None,
 ) -> Fixes:
     """Read the fixes of an aiding sensor: time, and what the sensor measures.
 
@@ -246,7 +254,7 @@ def read_fixes(
 
     Parameters
     ----------
-    source, columns, time_unit, delimiter, header, variable
+    source, columns, time_unit, delimiter, header, variable, max_bytes
         See `read_imu`; the time is on the clock of the IMU.
     sensor
         One of `nav_jax.aiding`, with the standard deviations that the filter believes.
@@ -279,7 +287,7 @@ def read_fixes(
         origin = real_array("The origin (latitude, longitude, height)", origin, (3,))
     names = sensor.columns(geodetic=origin is not None)
     try:
-        table = open_source(source, Reading(delimiter, header, variable))
+        table = open_source(source, Reading(delimiter, header, variable, max_bytes=size_in_bytes(max_bytes)))
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
         return Fixes(sensor, _seconds(read), sensor.measured(read.three(names), origin))
     except ValueError as error:

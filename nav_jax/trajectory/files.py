@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import number, real_array, require_x64
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.typing import Matrix, Quaternion, Real, Vector
@@ -39,6 +40,7 @@ def read_trajectory(
     header: int | None = None,
     variable: str | None = None,
     name: str | None = None,
+    max_bytes: int | str | None = None,
 ) -> Trajectory:
     """Read a trajectory from a file, an array, a mapping, a DataFrame or an xarray Dataset.
 
@@ -77,6 +79,8 @@ def read_trajectory(
         The object to read, where an ``.npz`` or R file holds several.
     name
         Of the trajectory; the name of the file unless given.
+    max_bytes
+        Bytes to which the file may unfold, see `gmwm_jax.read_recording`.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def read_trajectory(
     require_x64()
     is_file = isinstance(source, str | os.PathLike)
     try:
-        table = open_source(source, Reading(delimiter, header, variable))
+        table = open_source(source, Reading(delimiter, header, variable, max_bytes=size_in_bytes(max_bytes)))
         system, numbers = choose(table, position, columns)
         read = Reader(table, numbers, angles, time_unit)
         time = read.time()

@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm_jax._internal.columns import Columns, Stamps
 from gmwm_jax._internal.formats.base import Format, named, not_told
+from gmwm_jax._internal.limits import LONGEST_LINE
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.stamps import from_text, since_first
 from gmwm_jax._internal.text_files import open_text
@@ -37,7 +38,7 @@ def _open_folder(folder: Path, how: Reading) -> Columns:
     stamps = [line for line in (folder / "timestamps.txt").read_text().splitlines() if line.strip()]
     if not frames or int(frames[-1].stem) >= len(stamps):
         raise ValueError(f"{len(frames)} frames and {len(stamps)} lines of timestamps.txt do not belong together.")
-    rows = [frame.read_text().split() for frame in frames]
+    rows = [[] if f.stat().st_size > LONGEST_LINE else f.read_text().split() for f in frames]
     short = next((f.name for f, row in zip(frames, rows, strict=True) if len(row) != len(_NAMES)), None)
     if short is not None:
         raise ValueError(f"Frame {short} does not hold {len(_NAMES)} values.")

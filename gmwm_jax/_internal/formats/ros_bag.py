@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.columns import Columns, Stamps
+from gmwm_jax._internal.formats.bag_chunks import require_chunks
+from gmwm_jax._internal.limits import require_stream
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.reading import Reading
 
@@ -43,6 +45,9 @@ def open_bag(file: Path, how: Reading) -> Columns:
     highlevel = import_optional("rosbags.highlevel", extra="ros")
     typesys = import_optional("rosbags.typesys", extra="ros")
     try:
+        for part in sorted(file.iterdir()) if file.is_dir() else [file]:
+            if part.is_file():
+                require_chunks(part, how.max_bytes)
         with highlevel.AnyReader([file], default_typestore=typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)) as bag:
             topic, connections = _topic(bag, how.variable)
             received, stamped, values, note = _messages(bag, connections, how)
@@ -84,7 +89,10 @@ def _topic(bag: Any, asked: str | None) -> tuple[str, list[Any]]:
 def _messages(bag: Any, connections: list[Any], how: Reading) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple]:
     """Time of receipt and stamp in ns, and angular velocity and linear acceleration, (N, 6)."""
     received, heads, tails, raws = [], [], [], []
+    of, total = sum(path.stat().st_size for path in bag.paths), 0
     for connection, time, raw in bag.messages(connections=connections):
+        total += len(raw)
+        require_stream(total, of, how.max_bytes)
         received.append(time)
         heads.append(bytes(raw[4:12]))
         tails.append(bytes(raw[-_TAIL:]))

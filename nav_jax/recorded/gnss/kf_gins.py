@@ -16,7 +16,7 @@ from nav_jax.recorded.gnss.time_scales import WEEK, from_weeks
 
 def read_kf_gins(file: Path, asked: Asked) -> RawFixes:
     """Read a GNSS file of KF-GINS."""
-    table = open_text(text_source(file), asked.delimiter, asked.header)
+    table = open_text(text_source(file, asked.max_bytes), asked.delimiter, asked.header)
     if table.count not in (7, 13):
         raise ValueError(
             "A GNSS file of KF-GINS has the 7 columns seconds of the week, latitude, longitude, height and three "

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.optional import import_optional
+from gmwm_jax._internal.text_source import numbered_lines
 from nav_jax.recorded.gnss.raw import Asked, RawFixes, diagonal
 from nav_jax.recorded.gnss.time_scales import DAY, from_calendar
 
@@ -76,7 +77,7 @@ def _sentences(file: Path) -> Any:
     pynmea2 = import_optional("pynmea2")
     corrupt = total = 0
     with file.open(encoding="latin-1") as stream:
-        for line in stream:
+        for _, line in numbered_lines(stream):
             text = line[line.find("$") :].strip() if "$" in line else ""
             if text[3:6] not in _READ:
                 continue

@@ -28,6 +28,8 @@ class Asked(NamedTuple):
     delimiter: str | None = None
     header: int | None = None
     variable: str | None = None
+    max_bytes: int | None = None
+    """To which the file may unfold."""
 
 
 @dataclass(frozen=True)

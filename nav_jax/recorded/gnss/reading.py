@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gmwm_jax._internal.checks import real_array, require_x64
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.tabular import require_file
 from gmwm_jax._internal.typing import Real
 from nav_jax.kinematics.earth import (
@@ -38,6 +39,7 @@ def read_gnss(
     delimiter: str | None = None,
     header: int | None = None,
     variable: str | None = None,
+    max_bytes: int | str | None = None,
 ) -> GnssRecord:
     r"""Read the fixes of a GNSS receiver or of a program that computes positions.
 
@@ -64,6 +66,8 @@ def read_gnss(
         GPS week of the first fix, for files with seconds of the week that are wanted on another clock.
     columns, angles, time_unit, delimiter, header, variable
         Of a table, see `read_fixes`.
+    max_bytes
+        Bytes to which the file may unfold, see `gmwm_jax.read_recording`.
 
     Returns
     -------
@@ -92,7 +96,8 @@ def read_gnss(
     require_x64()
     file = Path(path)
     require_file(file)
-    asked = Asked(None if date is None else _date(date), week, columns, angles, time_unit, delimiter, header, variable)
+    day, most = None if date is None else _date(date), size_in_bytes(max_bytes)
+    asked = Asked(day, week, columns, angles, time_unit, delimiter, header, variable, most)
     try:
         raw = format_of(file, format).read(file, asked)
         return _record(raw, clock, origin, file.name)

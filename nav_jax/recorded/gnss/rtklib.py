@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gmwm_jax._internal.text_source import numbered_lines
 from nav_jax.recorded.gnss.raw import ENU, NEU, Asked, RawFixes, signed_covariance, turned
 from nav_jax.recorded.gnss.time_scales import Epochs, from_calendar, from_weeks
 
@@ -80,7 +81,7 @@ def _lines(file: Path) -> tuple[list[str], list[int], list[list[float]]]:
     """The header, and of each line of data its number and its numbers."""
     head, numbers, rows = [], [], []
     with file.open(encoding="latin-1") as stream:
-        for number, line in enumerate(stream, start=1):
+        for number, line in numbered_lines(stream):
             if line.startswith("%"):
                 head.append(line)
             elif fields := line.translate(_BETWEEN).split():

@@ -41,7 +41,7 @@ _QUANTITIES = tuple(
 
 def read_table(file: Path, asked: Asked) -> RawFixes:
     """Read a table of fixes by the names of its columns."""
-    table = open_source(file, Reading(asked.delimiter, asked.header, asked.variable))
+    table = open_source(file, Reading(asked.delimiter, asked.header, asked.variable, max_bytes=asked.max_bytes))
     if table.names is None and not asked.columns:
         raise ValueError(
             f"The {table.count} columns have no names: tell them, as in columns={{'time': 0, 'latitude': 1, ...}}."

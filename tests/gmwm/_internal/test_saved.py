@@ -420,7 +420,7 @@ def test_archives_that_would_be_large(tmp_path, monkeypatch):
     monkeypatch.setattr(state_files, "MAX_HEADER", 50)
     with pytest.raises(ValueError, match=r"its header has \d+ bytes, and at most 50 are read"):
         load(archive(tmp_path / "x.npz", bomb))
-    monkeypatch.setattr(state_files, "MAX_TEXT", 50)
+    monkeypatch.setattr(state_files, "MAX_JSON", 50)
     (tmp_path / "x.json").write_text(" " * 51)
     with pytest.raises(ValueError, match="it has 51 bytes, and at most 50 are read"):
         load(tmp_path / "x.json")

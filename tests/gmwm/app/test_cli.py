@@ -15,8 +15,10 @@ import pytest
 from typer.testing import CliRunner
 
 from gmwm_jax import __main__
+from gmwm_jax._internal import limits
 from gmwm_jax.app import cli
 from gmwm_jax.app.cli import app
+from gmwm_jax.app.options import Source, _as_options
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Status
 from gmwm_jax.recordings import datasets
@@ -526,3 +528,12 @@ def test_options_of_reading_reach_the_reader(tmp_path, rec):
     assert [c["variance"] for c in by_text["channels"].values()] == [
         c["variance"] for c in by_name["channels"].values()
     ]
+
+
+def test_how_far_a_file_may_unfold_is_an_option(tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "FREE", 100_000)
+    np.savez_compressed(tmp_path / "a.npz", x=np.append(np.zeros(100_000), 1.0))
+    with pytest.raises(ValueError, match=r'max_bytes="801kB" reads it') as refused:
+        Source(tmp_path / "a.npz", rate=1.0, units="rad/s").read()
+    assert "--max-bytes 801kB reads it" in _as_options(str(refused.value))
+    assert len(Source(tmp_path / "a.npz", rate=1.0, units="rad/s", max_bytes="801kB").read().data) == 100_001
