@@ -17,9 +17,14 @@ demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filter
 
 # all rooms, or one
 TESTS := $(if $(ROOM),$(wildcard tests/*/$(ROOM)))
-PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(if $(TYPED),$(CHECKED))
 
-test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only
+# Annotations are checked at every call within the packages where TYPED is 1. That is a fifth of the time of `make test`,
+# so that it is left to the two commands after it, which go through all rooms' main paths once more.
+CHECKED := --jaxtyping-packages=gmwm_jax,nav_jax,beartype.beartype
+validate test-old-cpu: TYPED := 1
+
+test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only, TYPED=1
 	$(if $(ROOM),$(if $(TESTS),,$(error There is no room $(ROOM); see tests/gmwm and tests/nav)))
 	$(PYTEST) $(TESTS)
 
