@@ -111,7 +111,7 @@ def imports(tree):
 def defined_names(tree):
     """Names a file binds itself at module level, not by importing them."""
     names = set()
-    for node in tree.body:
+    for node in [*tree.body, *(n for i in tree.body if isinstance(i, ast.If) for n in i.body)]:
         match node:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
                 names.add(name)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_CHANNEL, Labelled, import_pandas
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import register
@@ -56,6 +56,24 @@ class Channels(Mapping[str, T], Drawable, Saved, Generic[T]):
 
     def __len__(self) -> int:
         return len(self._results)
+
+    def plot(self, *, datasheet: Any = None, axes: GivenAxes | None = None) -> Figure:
+        """Draw a panel for each channel.
+
+        Parameters
+        ----------
+        datasheet
+            Of fits only: a model of what the datasheet promises; by unit if there are several, as
+            ``{"rad/s": ..., "m/s^2": ...}``.
+        axes
+            The Axes to draw into, as many as a new figure has; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `gmwm_jax.plotting.plot_fits`, `plot_selections`, `plot_joint_fits`, `plot_cross_validations`.
+        """
+        return self._draw(axes=axes) if datasheet is None else self._draw(datasheet=datasheet, axes=axes)
 
     def export(self, format: str, **options: Any) -> str:
         """Return all channels in the format of another filter.

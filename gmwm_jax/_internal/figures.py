@@ -14,11 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Band, Bars, Frame, Histogram, Item, Line, Mark, Points, Span
+from gmwm_jax._internal.palette import turns
 from gmwm_jax._internal.typing import Real
 
-GivenAxes = Axes | Sequence[Axes] | np.ndarray
-"""Where to draw: an Axes for each frame of the figure, in reading order."""
+_SMALL, _HANDLE = 8, 5.5
+"""Size of the text of a legend, and the place beside it in which dashes can be told apart, in that size."""
 
 _RENDERING = threading.RLock()
 """Matplotlib lays out and sets text (formulas on logarithmic axes) with state that all figures share."""
@@ -116,7 +118,31 @@ def shared_legend(
     if alone:
         figure.legend(entries.values(), entries.keys(), **options)
     else:
-        drawn[0].legend(list(entries.values()), list(entries.keys()), fontsize=8)
+        drawn[0].legend(list(entries.values()), list(entries.keys()), fontsize=_SMALL)
+
+
+def legend_below(
+    figure: Figure, drawn: Sequence[Axes], *, alone: bool, entries: Mapping[str, Any] | None = None, **options: Any
+) -> None:
+    """One legend for all frames, where it covers none of them: in as many columns as the figure is wide.
+
+    Parameters
+    ----------
+    figure, drawn, alone
+        As of `shared_legend`.
+    entries
+        Label -> what carries it; of all frames if left out.
+    **options
+        Of the legend.
+    """
+    entries = entries_of(*drawn) if entries is None else entries
+    if not entries:
+        return
+    widest = _HANDLE + 0.6 * max(map(len, entries))  # in sizes of the font
+    columns = max(1, int(72 * figure.get_figwidth() / (_SMALL * widest)))
+    rows = -(-len(entries) // columns)
+    place: dict[str, Any] = {"loc": "outside lower center", "ncols": -(-len(entries) // rows)}
+    shared_legend(figure, drawn, entries, alone=alone, fontsize=_SMALL, handlelength=_HANDLE - 2, **place, **options)
 
 
 def entries_of(*drawn: Axes) -> dict[str, Any]:
@@ -147,6 +173,15 @@ def put(ax: Axes, item: Item, **style: Any) -> Any:
             return (ax.axvline if item.of == "x" else ax.axhline)(item.at, **style)
         case Span():
             return (ax.axvspan if item.of == "x" else ax.axhspan)(item.low, item.high, lw=0, **style)
+
+
+def put_in_turns(ax: Axes, item: Line, index: int, num: int, **style: Any) -> None:
+    """Draw one of some curves that may coincide: thin below all others, and its share of the way on top of them."""
+    own = turns(index, num) | style
+    if "ls" in own:
+        whole = {name: value for name, value in own.items() if name not in ("ls", "lw")}
+        put(ax, item._replace(label=""), **whole, lw=0.7, zorder=1.95)
+    put(ax, item, **own)
 
 
 def describe(ax: Axes, frame: Frame, *, apart: str = " ", **style: Any) -> None:

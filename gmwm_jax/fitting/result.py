@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.saved import Saved
@@ -32,6 +32,7 @@ from gmwm_jax.fitting.standard_errors import (
 from gmwm_jax.fitting.tables import EstimateTable, LogQuantities, continuous_table, parameter_table
 from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
 from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.variance.wavelet import WaveletVariance
@@ -313,6 +314,24 @@ class Fit(Drawable, Saved, Labelled):
         if self.wv_covariance is None:
             lines += ["", "No intervals: they need num_samples, the scales 2 .. 2^J, the MODWT, no SIN."]
         return "\n".join(lines)
+
+    def plot(self, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None) -> Figure:
+        """Draw data, model and its components over scale, and the residuals.
+
+        Parameters
+        ----------
+        datasheet
+            A model of what the datasheet promises, drawn as a line; by unit if there are several:
+            ``{"rad/s": ..., "m/s^2": ...}``.
+        axes
+            Two Axes to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `gmwm_jax.plotting.plot_fit`.
+        """
+        return self._draw(datasheet=datasheet, axes=axes)
 
     def __repr__(self) -> str:
         return self.summary()

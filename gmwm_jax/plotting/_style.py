@@ -1,19 +1,21 @@
 """What the figures share: colours, labels, how variances are drawn, and the registry at which figures register."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import cycle
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from gmwm_jax._internal.channels import Channels
-from gmwm_jax._internal.drawing import registry
+from gmwm_jax._internal.drawing import GivenAxes, registry
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, new_figure, put
+from gmwm_jax._internal.figures import describe, frames, new_figure, put, put_in_turns
+from gmwm_jax._internal.palette import COLOURS, DASHES, MARKERS
 from gmwm_jax._internal.typing import Real
-from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.base import Composite
+from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.variance.wavelet import AbstractWaveletVariance
 
@@ -38,15 +40,18 @@ def _draw_channels(channels: Channels[Any], **options: Any) -> Figure:
     return _OF_CHANNELS[type(channels[0])](channels, **options)
 
 
-DATA, FIT, DATASHEET = "#1f4e79", "#c23b22", "#5b8c2a"
-COMPONENTS = ("#e08e0b", "#7a4f9a", "#2a8f8f", "#b5628c", "#8c6d31", "#4f7fbf", "#6b6b6b")
-DRAWS = "#2a7f8e"
+DATA, FIT, DATASHEET = COLOURS[0], COLOURS[1], "0.35"
+DRAWS = COLOURS[2]
+VERDICTS = {
+    "recommended": {"color": FIT, "fmt": "o"},
+    "equivalent": {"color": DRAWS, "fmt": "s"},
+    "worse": {"color": "0.55", "fmt": "x"},
+}
+"""Of models that are compared."""
+
 TIME = Axis("time", "s")
 MAX_POINTS = 4000
 """In a time series: more are drawn as the band between minima and maxima."""
-
-Datasheet = str | AbstractProcess | Composite | Mapping[str, str | AbstractProcess | Composite]
-"""A model, or where the channels have several units one for each of them: ``{"rad/s": ..., "m/s^2": ...}``."""
 
 
 def scale_axis(wv: AbstractWaveletVariance) -> Axis:
@@ -95,26 +100,35 @@ def in_bins(t: np.ndarray, x: np.ndarray) -> tuple[int, Band, Line]:
     return size, band, Line(f"mean of {size} samples", at, mean)
 
 
-def draw_variance(ax: Axes, items: Sequence[Item], colour: str) -> None:
+def component_style(index: int) -> dict[str, Any]:
+    """Colour and dashes of a part of the model; those of the data and of the fit are left to them."""
+    return {"color": COLOURS[2:][index % len(COLOURS[2:])], "ls": DASHES[index % len(DASHES)], "lw": 1.4}
+
+
+def draw_variance(ax: Axes, items: Sequence[Item], colour: str, marker: str) -> None:
     """A band and its curve."""
     band, curve = items
     put(ax, band, color=colour, alpha=0.18)
-    put(ax, curve, marker="o", color=colour, ms=3.5, lw=1)
+    put(ax, curve, marker=marker, color=colour, ms=3.5, lw=1)
 
 
 def draw_variances(ax: Axes, frame: Frame) -> Sequence[Item]:
     """Bands and curves of one or several channels, log-log; returns the items that are left to draw."""
     finish_log_log(ax, frame)
     num = sum(isinstance(item, Band) for item in frame.items)
-    for i, colour in zip(range(num), (DATA,) if num == 1 else cycle(COMPONENTS), strict=False):
-        draw_variance(ax, frame.items[2 * i : 2 * i + 2], colour)
+    for i in range(num):
+        band, curve = frame.items[2 * i : 2 * i + 2]
+        assert isinstance(curve, Line)
+        put(ax, band, color=COLOURS[i % len(COLOURS)], alpha=0.18)
+        style = {"lw": 1} if num == 1 else {}
+        put_in_turns(ax, curve, i, num, marker=MARKERS[i % len(MARKERS)], ms=3.5, **style)
     return frame.items[2 * num :]
 
 
 def draw_datasheet(ax: Axes, items: Sequence[Item]) -> None:
     """The promise, if there is one."""
     for item in items:
-        put(ax, item, color=DATASHEET, lw=1.4, ls="-.")
+        put(ax, item, color=DATASHEET, lw=1.4, ls=(0, (8, 2, 1, 2, 1, 2)))
 
 
 def finish_log_log(ax: Axes, frame: Frame) -> None:
@@ -125,10 +139,27 @@ def finish_log_log(ax: Axes, frame: Frame) -> None:
     ax.set_axisbelow(True)
 
 
+def few_ticks(ax: Axes, scale: str) -> None:
+    """Numbers along x that have room beside each other; less than two decades are counted as a linear axis is."""
+    ax.set_xscale(scale)
+    low, high = ax.get_xlim()
+    if scale == "linear":
+        ax.locator_params(axis="x", nbins=4)
+    elif low > 0 and high < 100 * low:
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def band_title(level: float) -> dict[str, Any]:
+    """What the bands are, above a legend."""
+    return {"title": f"band: {100 * level:g} % interval", "title_fontsize": 8}
+
+
 def legend(ax: Axes, level: float) -> None:
-    """What is what, and what the bands are."""
+    """What is what in a frame, and what the bands are."""
     handles, _ = ax.get_legend_handles_labels()
-    ax.legend(fontsize=8, title=f"band: {100 * level:g} % interval", title_fontsize=8, ncols=1 + (len(handles) > 5))
+    ax.legend(fontsize=8, ncols=1 + (len(handles) > 5), handlelength=3.5, **band_title(level))
 
 
 def lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
@@ -169,19 +200,17 @@ def by_unit(datasheet: Datasheet | None, units: Sequence[str]) -> dict[str, Comp
 
 def large_and_small(axes: GivenAxes | None) -> tuple[Figure, list[Axes]]:
     """A large frame above a small one."""
-    return frames(axes, 2, 1, (7, 6.6), sharex=True, height_ratios=(3, 1))
+    return frames(axes, 2, 1, (7, 7.4), sharex=True, height_ratios=(3, 1))
 
 
-def pairs_of_frames(
-    axes: GivenAxes | None, num: int, width: Real, more_height: Real
-) -> tuple[Figure, list[tuple[Axes, Axes]]]:
+def pairs_of_frames(axes: GivenAxes | None, num: int, width: Real) -> tuple[Figure, list[tuple[Axes, Axes]]]:
     """A large frame above a small one for each channel, three channels in a row."""
     if axes is not None:
         figure, given = frames(axes, 2, num, (0, 0))
         return figure, list(zip(given[:num], given[num:], strict=True))
     columns = min(num, 3)
     rows = -(-num // columns)
-    figure = new_figure(width * columns, more_height + 4.9 * rows)
+    figure = new_figure(width * columns, 0.5 + 4.9 * rows)
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3, 1] * rows)
     pairs = []
     for i in range(num):

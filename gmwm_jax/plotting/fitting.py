@@ -1,22 +1,22 @@
 """Figures of fits: data, model and its components over scale, residuals below."""
 
 from collections import Counter
-from itertools import cycle
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.channels import Channels
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Frame, Line, Mark, Points, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, put, shared_legend
+from gmwm_jax._internal.figures import describe, entries_of, legend_below, put
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.plotting._style import (
-    COMPONENTS,
     DATA,
     FIT,
-    Datasheet,
+    band_title,
     by_unit,
+    component_style,
     datasheet_items,
     dense_scales,
     draw,
@@ -25,7 +25,6 @@ from gmwm_jax.plotting._style import (
     draws_channels_of,
     in_half_widths,
     large_and_small,
-    legend,
     lowest,
     pairs_of_frames,
     scale_axis,
@@ -33,6 +32,7 @@ from gmwm_jax.plotting._style import (
     variance_axis,
     variance_items,
 )
+from gmwm_jax.processes.datasheet import Datasheet
 
 _ZERO = ": zero"
 _NONE = np.array([])
@@ -101,24 +101,23 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | 
     above, below = fit_data(fit, datasheet=datasheet)
     figure, (top, bottom) = large_and_small(axes)
     model, *more = draw_variances(top, above)
-    put(top, model, color=FIT, lw=1.6, zorder=3)
+    put(top, model, color=FIT, lw=3.2, alpha=0.8, zorder=1.9)  # below the data, and below a part that is nearly all
     num = len(fit.model.labels)
-    for item, colour in zip(more[:num], cycle(COMPONENTS), strict=False):
-        put(top, item, color=colour, lw=1, ls="--")
+    for i, item in enumerate(more[:num]):
+        put(top, item, zorder=3, **component_style(i))
     draw_datasheet(top, more[num:])
     top.set_title(above.title, fontsize=10)
     top.set_xlabel("")
     top.set_ylim(lowest(fit.wv.ci_low, fit.wv.variance) / 4, np.max(fit.wv.ci_high) * 3)
-    legend(top, fit.wv.level)
     describe(bottom, below, apart="\n")
     bottom.set_xscale(below.x.scale)
     interval, zero, pulls = below.items
     put(bottom, interval, color=DATA, alpha=0.12)
     put(bottom, zero, color="0.4", lw=0.8)
     put(bottom, pulls, marker="o", ls="", color=FIT, ms=4)
-    bottom.legend(fontsize=8, loc="best")
     limit = max(1.3, 1.15 * float(np.max(np.abs(in_half_widths(fit.wv, fit.residuals)))))
     bottom.set_ylim(-limit, limit)
+    legend_below(figure, (top, bottom), alone=axes is None, **band_title(fit.wv.level))
     return figure
 
 
@@ -167,7 +166,7 @@ def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: 
     >>> figure.savefig("fits.png")
     """
     models, shown = by_unit(datasheet, [fit.unit for fit in fits.values()]), fits_data(fits, datasheet=datasheet)
-    figure, pairs = pairs_of_frames(axes, len(fits), 4.6, 0.5)
+    figure, pairs = pairs_of_frames(axes, len(fits), 4.6)
     entries: dict[str, Any] = {}
     for fit, frame, (top, bottom) in zip(fits.values(), shown[::2], pairs, strict=True):
         plot_fit(fit, datasheet=models.get(fit.unit), axes=(top, bottom))
@@ -175,8 +174,7 @@ def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: 
         top.tick_params(labelbottom=False)
         for label, handle in entries_of(top, bottom).items():
             entries.setdefault(label.removesuffix(_ZERO), handle)
-        for ax in (top, bottom):
-            ax.get_legend().remove()  # type: ignore[union-attr]
-    below: dict[str, Any] = {"loc": "outside lower center", "ncols": min(len(entries), 3 * min(len(fits), 3))}
-    shared_legend(figure, [top for top, _ in pairs], entries, alone=axes is None, **below)
+        top.get_legend().remove()  # type: ignore[union-attr]
+    frames = [ax for pair in pairs for ax in pair]
+    legend_below(figure, frames, alone=axes is None, entries=entries, **band_title(fits[0].wv.level))
     return figure

@@ -7,18 +7,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.channels import Channels
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Histogram, Item, Mark, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, legend_below, put
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.fitting.tables import Estimate
 from gmwm_jax.inference.bootstrapping import Bootstrap
 from gmwm_jax.inference.intervals import replicates_needed
 from gmwm_jax.inference.selection import Selection
-from gmwm_jax.plotting._style import DRAWS, FIT, draw, draws_channels_of
+from gmwm_jax.plotting._style import DRAWS, FIT, VERDICTS, draw, draws_channels_of, few_ticks
 
 _SHOWN = 20
 _RECOMMENDED, _EQUIVALENT, _WORSE = "recommended: the simplest of these", "none is significantly better", "worse"
-_COLOURS = {_RECOMMENDED: FIT, _EQUIVALENT: DRAWS, _WORSE: "0.6"}
+_STYLES: dict[str, dict[str, str]] = dict(zip((_RECOMMENDED, _EQUIVALENT, _WORSE), VERDICTS.values(), strict=True))
 _THEORY = "0.35"
 
 
@@ -73,8 +74,9 @@ def plot_selection(selection: Selection, *, axes: GivenAxes | None = None) -> Fi
     >>> figure.savefig("selection.png")
     """
     (frame,) = selection_data(selection)
-    figure, (ax,) = frames(axes, 1, 1, (7.5, 1.4 + 0.28 * len(frame.y.names)))
+    figure, (ax,) = frames(axes, 1, 1, (7.5, 1.8 + 0.28 * len(frame.y.names)))
     _draw_candidates(ax, frame, selection.level)
+    legend_below(figure, (ax,), alone=axes is None)
     return figure
 
 
@@ -114,10 +116,11 @@ def plot_selections(selections: Channels[Selection], *, axes: GivenAxes | None =
     shown = selections_data(selections)
     columns = min(3, len(shown))
     rows = math.ceil(len(shown) / columns)
-    size = (6.2 * columns, rows * (1.4 + 0.28 * max(len(frame.y.names) for frame in shown)))
+    size = (6.2 * columns, 0.4 + rows * (1.4 + 0.28 * max(len(frame.y.names) for frame in shown)))
     figure, drawn = frames(axes, rows, columns, size, num=len(shown))
     for ax, frame, selection in zip(drawn, shown, selections.values(), strict=True):
         _draw_candidates(ax, frame, selection.level)
+    legend_below(figure, drawn, alone=axes is None)
     return figure
 
 
@@ -125,16 +128,19 @@ def _draw_candidates(ax: Axes, frame: Frame, level: float) -> None:
     describe(ax, frame, fontsize=10)
     *groups, zero = frame.items
     for group in groups:
-        put(ax, group, fmt="o", color=_COLOURS[group.label], capsize=3)
+        put(ax, group, capsize=3, **_STYLES[group.label])
     put(ax, zero, color="0.3", lw=0.8)
     ax.set_yticks(range(len(frame.y.names)), frame.y.names)
     ax.invert_yaxis()
     if frame.x.scale == "symlog":
         at, high = (np.concatenate(ends) for ends in zip(*((g.x, g.high) for g in groups), strict=True))  # type: ignore
         half = high - at
-        ax.set_xscale("symlog", linthresh=float(np.median(half[half > 0])) / normal_quantile(level))
-        ax.set_xlim(left=float(np.min(at - 1.3 * half)))
-    ax.legend(fontsize=8, loc="lower right")
+        around = float(np.median(half[half > 0])) / normal_quantile(level)
+        ax.set_xscale("symlog", linthresh=around)
+        # around zero, where the axis is linear, powers of ten would be written over each other
+        powers = 10.0 ** np.arange(math.ceil(math.log10(around)), 1 + math.log10(max(high.max(), 10 * around)))
+        ax.set_xticks([0.0, *powers])
+        ax.set_xlim(float(np.min(at - 1.3 * half)) - 0.3 * around, 2.0 * max(float(high.max()), around))
 
 
 def bootstrap_data(boot: Bootstrap) -> tuple[Frame, ...]:
@@ -161,10 +167,10 @@ def bootstrap_data(boot: Bootstrap) -> tuple[Frame, ...]:
 def _parameter(draws: np.ndarray, own: Estimate, theory: Estimate, level: float, enough: bool) -> Frame:
     positive = draws[draws > 0]
     gone = 100 * (1 - len(positive) / len(draws))
-    absent = f", {gone:.2g} % at zero" if gone else ""
+    absent = f"{gone:.2g} % of the replicates at zero" if gone else ""
     wide = positive.max() > 5 * positive.min()
     edges = (np.geomspace if wide else np.linspace)(positive.min(), positive.max(), 31)
-    items: list[Item] = [Histogram(f"replicates{absent}", edges, np.histogram(positive, edges)[0])]
+    items: list[Item] = [Histogram("replicates", edges, np.histogram(positive, edges)[0])]
     if own.value > 0:
         items.append(Mark("estimate", own.value))
     if enough and own.ci_high > 0:
@@ -172,7 +178,8 @@ def _parameter(draws: np.ndarray, own: Estimate, theory: Estimate, level: float,
     if np.isfinite(theory.ci_low):
         items += [Mark(f"{100 * level:g} % theory", theory.ci_low), Mark("", theory.ci_high)]
     scale = "log" if wide else "linear"
-    return Frame("", Axis(f"{own.component} {own.symbol}", own.unit, scale), Axis("replicates", ""), tuple(items))
+    x = Axis(f"{own.component} {own.symbol}", own.unit, scale)
+    return Frame(absent, x, Axis("number of replicates", ""), tuple(items))
 
 
 @draw.register(Bootstrap)
@@ -196,12 +203,9 @@ def plot_bootstrap(boot: Bootstrap, *, axes: GivenAxes | None = None) -> Figure:
     shown = bootstrap_data(boot)
     columns = min(3, max(1, len(shown)))
     rows = max(1, math.ceil(len(shown) / columns))
-    figure, drawn = frames(axes, rows, columns, (4.4 * columns, 3.2 * rows), num=len(shown))
+    figure, drawn = frames(axes, rows, columns, (4.4 * columns, 0.6 + 3.2 * rows), num=len(shown))
     for ax, frame in zip(drawn, shown, strict=True):
-        describe(ax, frame)
-        ax.set_xscale(frame.x.scale)
-        if frame.x.scale == "linear":
-            ax.locator_params(axis="x", nbins=4)
+        describe(ax, frame, fontsize=9)
         for item in frame.items:
             match item:
                 case Histogram():
@@ -212,7 +216,8 @@ def plot_bootstrap(boot: Bootstrap, *, axes: GivenAxes | None = None) -> Figure:
                     put(ax, item, color=FIT, lw=1.5)
                 case _:
                     put(ax, item, color=_THEORY, ls="--", lw=1)
-        ax.legend(fontsize=7)
+        few_ticks(ax, frame.x.scale)
+    legend_below(figure, drawn, alone=axes is None)
     if axes is None:
         what = f"{boot.fit.wv.channels[0]}: {len(boot.good)} replicates by {boot.route}"
         figure.suptitle(f"{what}; p = {boot.p_value:.2g} for the model", fontsize=10)

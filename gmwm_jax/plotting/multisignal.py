@@ -3,14 +3,18 @@
 import math
 from collections.abc import Iterator
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
 
 from gmwm_jax._internal.channels import Channels
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Histogram, Item, Line, Mark, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, legend_below, put
+from gmwm_jax._internal.palette import COLOURS, MARKERS
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax.multisignal.comparison import RecordComparison
 from gmwm_jax.multisignal.cross_validation import CrossValidation
@@ -19,9 +23,11 @@ from gmwm_jax.multisignal.stationarity import NearStationarity
 from gmwm_jax.plotting._style import (
     DRAWS,
     FIT,
+    VERDICTS,
     dense_scales,
     draw,
     draws_channels_of,
+    few_ticks,
     finish_log_log,
     in_half_widths,
     large_and_small,
@@ -31,7 +37,9 @@ from gmwm_jax.plotting._style import (
 )
 from gmwm_jax.processes.parameter import Parameter
 
-_RECORDS = ("#2a7f8e", "#7a4fa3", "#d98e04", "#4c9a2a", "#1f4e79", "#b5628c")
+_RECORDS = (COLOURS[0], *COLOURS[2:])
+"""The joint fit has the colour that is left out."""
+
 _MOST_NAMES = 8
 """Records that a legend names one by one."""
 
@@ -98,27 +106,34 @@ def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
     figure, (top, bottom) = large_and_small(axes)
     finish_log_log(top, above)
     *more, model = above.items
-    colours = cycle(_RECORDS)
+    styles = _record_styles()
     for item in more:
         if isinstance(item, Band):
             put(top, item, color=FIT, alpha=0.18)
         else:
-            put(top, item, marker="o", color=next(colours), ms=2.5, lw=0.8)
-    put(top, model, color=FIT, lw=1.8)
+            put(top, item, lw=0.8, **next(styles))
+    put(top, model, color=FIT, lw=3.2, alpha=0.8, zorder=1.9)
     top.set_title(above.title, fontsize=10)
     top.set_xlabel("")
-    top.legend(fontsize=8)
     describe(bottom, below, apart="\n")
     interval, zero, *records = below.items
     put(bottom, interval, color="0.5", alpha=0.15)
     put(bottom, zero, color="0.4", lw=0.8)
-    for item, colour in zip(records, cycle(_RECORDS), strict=False):
-        put(bottom, item, marker="o", color=colour, ms=2.5, lw=0.5)
+    for item, style in zip(records, _record_styles(), strict=False):
+        put(bottom, item, lw=0.5, **style)
     bottom.set_xscale(below.x.scale)
     bottom.set_yscale(below.y.scale, linthresh=4)
-    bottom.set_yticks([y for y in (-100, -10, 0, 10, 100) if abs(y) < 1.3 * np.abs(bottom.get_ylim()).max()])
-    bottom.legend(fontsize=8, loc="best")
+    most = np.abs(bottom.get_ylim()).max()
+    bottom.set_yticks([y for y in (-1000, -100, -10, -2, 0, 2, 10, 100, 1000) if abs(y) < 1.3 * most])
+    bottom.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    legend_below(figure, (top, bottom), alone=axes is None)
     return figure
+
+
+def _record_styles() -> Iterator[dict[str, Any]]:
+    """Colours and markers that both repeat, after different numbers of records."""
+    for colour, marker in zip(cycle(_RECORDS), cycle(MARKERS), strict=False):
+        yield {"color": colour, "marker": marker, "ms": 4, "mfc": "none"}
 
 
 def joint_fits_data(joints: Channels[JointFit]) -> tuple[Frame, ...]:
@@ -160,16 +175,13 @@ def plot_joint_fits(joints: Channels[JointFit], *, axes: GivenAxes | None = None
     >>> figure = gj.plotting.plot_joint_fits(gj.fit_records([gj.wavelet_variance(rec) for rec in records], "WN + RW"))
     >>> figure.savefig("joint_fits.png")
     """
-    figure, pairs = pairs_of_frames(axes, len(joints), 4.8, 0.0)
-    for i, (joint, frame, (top, bottom)) in enumerate(
-        zip(joints.values(), joint_fits_data(joints)[::2], pairs, strict=True)
-    ):
+    figure, pairs = pairs_of_frames(axes, len(joints), 4.8)
+    for joint, frame, (top, bottom) in zip(joints.values(), joint_fits_data(joints)[::2], pairs, strict=True):
         plot_joint_fit(joint, axes=(top, bottom))
         top.set_title(frame.title, fontsize=10)
         top.tick_params(labelbottom=False)
-        bottom.get_legend().remove()  # type: ignore[union-attr]
-        if i:
-            top.get_legend().remove()  # type: ignore[union-attr]
+        top.get_legend().remove()  # type: ignore[union-attr]
+    legend_below(figure, [ax for pair in pairs for ax in pair], alone=axes is None)
     return figure
 
 
@@ -232,7 +244,7 @@ def plot_record_comparison(comparison: RecordComparison, *, axes: GivenAxes | No
     shown, num = record_comparison_data(comparison), len(comparison.joint.records)
     columns = min(3, len(shown))
     rows = math.ceil(len(shown) / columns)
-    figure, drawn = frames(axes, rows, columns, (4.2 * columns, 3.2 * rows), num=len(shown))
+    figure, drawn = frames(axes, rows, columns, (4.2 * columns, 0.5 + 3.2 * rows), num=len(shown))
     for ax, frame in zip(drawn, shown, strict=True):
         singles, joint = frame.items
         put(ax, singles, fmt="o", color=DRAWS, ms=4, capsize=3)
@@ -241,7 +253,7 @@ def plot_record_comparison(comparison: RecordComparison, *, axes: GivenAxes | No
         ax.set_xticks(range(1, num + 1))
         ax.set_yscale(frame.y.scale)
         ax.set_xlim(0.5, num + 0.5)
-    drawn[0].legend(fontsize=7)
+    legend_below(figure, drawn, alone=axes is None)
     if axes is None:
         what = f"{comparison.joint.wv.channels[0]}: the same in all {num} records? p = {comparison.p_value:.2g}"
         figure.suptitle(what, fontsize=10)
@@ -303,13 +315,13 @@ def plot_near_stationarity(test: NearStationarity, *, axes: GivenAxes | None = N
     >>> figure.savefig("near_stationarity.png")
     """
     (frame,) = near_stationarity_data(test)
-    figure, (ax,) = frames(axes, 1, 1, (6, 3.6))
+    figure, (ax,) = frames(axes, 1, 1, (6, 3.9))
     replicates, data = frame.items
     put(ax, replicates, color=DRAWS, alpha=0.6)
     put(ax, data, color=FIT, lw=1.6)
-    ax.set_xscale(frame.x.scale)
     describe(ax, frame, fontsize=10)
-    ax.legend(fontsize=8)
+    few_ticks(ax, frame.x.scale)
+    legend_below(figure, (ax,), alone=axes is None)
     return figure
 
 
@@ -333,11 +345,17 @@ def cross_validation_data(cv: CrossValidation) -> tuple[Frame]:
     positive = at[at > 0]
     scale = "symlog" if len(positive) and positive.max() > 100 * positive.min() else "linear"
     channel, count = cv.fits[0].wv.channels[0], cv.splits.shape[1]
-    title = f"{channel}, {count} records; red: recommended, blue: equivalent"
     names = tuple(f"{p.model} ({p.num_parameters})" for p in cv.scores)
-    bars = Bars("", at, np.arange(len(at)), at - half, at + half, lying=True)
+    groups: dict[str, list[int]] = {}
+    for row, p in enumerate(cv.scores):
+        group = "recommended" if p is cv.recommended else "equivalent" if p.equivalent else "worse"
+        groups.setdefault(group, []).append(row)
+    bars = (
+        Bars(label, at[rows], np.array(rows, float), (at - half)[rows], (at + half)[rows], lying=True)
+        for label, rows in groups.items()
+    )
     x = Axis("CV-WVIC above the best (± standard error)", "", scale)
-    return (Frame(title, x, Axis("", "", names=names), (bars, Mark("", 0.0))),)
+    return (Frame(f"{channel}, {count} records", x, Axis("", "", names=names), (*bars, Mark("", 0.0))),)
 
 
 @draw.register(CrossValidation)
@@ -360,8 +378,9 @@ def plot_cross_validation(cv: CrossValidation, *, axes: GivenAxes | None = None)
     >>> figure = gj.plotting.plot_cross_validation(gj.multisignal.cross_validate(units, ["WN", "WN + RW"]))
     >>> figure.savefig("cross_validation.png")
     """
-    figure, (ax,) = frames(axes, 1, 1, (6.4, 0.9 + 0.42 * len(cv)))
+    figure, (ax,) = frames(axes, 1, 1, (6.4, 1.2 + 0.42 * len(cv)))
     _draw_scores(ax, cv, *cross_validation_data(cv))
+    legend_below(figure, (ax,), alone=axes is None)
     return figure
 
 
@@ -405,23 +424,21 @@ def plot_cross_validations(validations: Channels[CrossValidation], *, axes: Give
     >>> figure.savefig("cross_validations.png")
     """
     height = 0.9 + 0.42 * len(validations[0])
-    figure, panels = frames(axes, len(validations), 1, (6.4, height * len(validations)))
+    figure, panels = frames(axes, len(validations), 1, (6.4, 0.3 + height * len(validations)))
     for ax, cv, frame in zip(panels, validations.values(), cross_validations_data(validations), strict=True):
         _draw_scores(ax, cv, frame)
+    legend_below(figure, panels, alone=axes is None)
     return figure
 
 
 def _draw_scores(ax: Axes, cv: CrossValidation, frame: Frame) -> None:
     """One channel."""
-    bars, zero = frame.items
-    assert isinstance(bars, Bars)
-    for i, p in enumerate(cv.scores):
-        colour = FIT if p is cv.recommended else DRAWS if p.equivalent else "0.55"
-        one = Bars("", *(values[[i]] for values in bars[1:5]), lying=True)
-        put(ax, one, fmt="o", color=colour, capsize=3, ms=5)
+    *groups, zero = frame.items
+    for group in groups:
+        put(ax, group, capsize=3, ms=5, **VERDICTS[group.label])
     put(ax, zero, color="0.4", lw=0.8)
     ax.set_yticks(range(len(cv)), frame.y.names)
-    ax.invert_yaxis()
+    ax.set_ylim(len(cv) - 0.5, -0.5)
     if frame.x.scale == "symlog":
         smallest = 10.0 ** math.floor(math.log10(min(p.difference for p in cv.scores if p.difference > 0)))
         ax.set_xscale("symlog", linthresh=smallest)

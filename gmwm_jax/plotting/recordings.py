@@ -2,8 +2,9 @@
 
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Line
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, legend_below, put
 from gmwm_jax.plotting._style import DATA, FIT, MAX_POINTS, TIME, draw, in_bins
 from gmwm_jax.recordings.recording import Recording
 
@@ -58,8 +59,7 @@ def plot_recording(rec: Recording, *, axes: GivenAxes | None = None) -> Figure:
             else:
                 put(ax, item, color=FIT if len(frame.items) > 1 else DATA, lw=0.7)
         ax.margins(x=0)
-    if len(shown[0].items) > 1:
-        drawn[0].legend(loc="upper right", fontsize=8, ncols=2)
+    legend_below(figure, drawn, alone=axes is None)
     for ax in drawn[:-1]:
         ax.set_xlabel("")
     figure.align_ylabels()

@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line, Mark, Points
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, put
 from gmwm_jax.plotting._style import DATA, FIT, MAX_POINTS, TIME, draw, in_bins
 from gmwm_jax.plotting.fitting import fit_data, plot_fit
 from gmwm_jax.regression.regression import Regression

@@ -1,20 +1,19 @@
 """Figures of wavelet variances, classic and robust, and of Allan deviations."""
 
-from itertools import cycle
-
 import numpy as np
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line, Mark, Points, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, legend_below, put
 from gmwm_jax.fitting.slopes import SlopeRegression, read_off
 from gmwm_jax.plotting._style import (
-    COMPONENTS,
     DATA,
     DATASHEET,
     FIT,
-    Datasheet,
+    band_title,
     by_unit,
+    component_style,
     datasheet_items,
     draw,
     draw_datasheet,
@@ -30,9 +29,16 @@ from gmwm_jax.plotting._style import (
     variance_axis,
     variance_items,
 )
+from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
 from gmwm_jax.variance.robust_comparison import RobustComparison
 from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
+
+_COMPARED = ((DATA, "o"), (FIT, "x"), (DATASHEET, "^"))
+"""Colour and marker of the classic, the robust and the cleaned wavelet variance."""
+
+_READ = {"N": "D", "B": "s", "K": "^"}
+"""Markers of what is read off an Allan deviation."""
 
 
 def wavelet_variance_data(wv: AbstractWaveletVariance, *, datasheet: Datasheet | None = None) -> tuple[Frame, ...]:
@@ -122,7 +128,7 @@ def robust_comparison_data(
     )
     return (
         Frame(title, scale_axis(classic), variance_axis(classic.units[0]), tuple(items)),
-        Frame("", scale_axis(classic), Axis("log(classic/robust)", "standard errors", "symlog"), z),
+        Frame("", scale_axis(classic), Axis("log ratio", "standard errors", "symlog"), z),
     )
 
 
@@ -151,11 +157,10 @@ def plot_robust_comparison(
     above, below = robust_comparison_data(comparison, cleaned=cleaned)
     figure, (top, bottom) = large_and_small(axes)
     finish_log_log(top, above)
-    for i, colour in zip(range(0, len(above.items), 2), (DATA, FIT, DATASHEET), strict=False):
-        draw_variance(top, above.items[i : i + 2], colour)
+    for i, (colour, marker) in zip(range(0, len(above.items), 2), _COMPARED, strict=False):
+        draw_variance(top, above.items[i : i + 2], colour, marker)
     top.set_title(above.title, fontsize=10)
     top.set_xlabel("")
-    legend(top, comparison.classic.level)
     describe(bottom, below, apart="\n")
     clean, zero, same, differs = below.items
     put(bottom, clean, color="0.5", alpha=0.15)
@@ -164,7 +169,7 @@ def plot_robust_comparison(
     put(bottom, differs, marker="o", ls="", color=FIT, ms=4)
     bottom.set_xscale(below.x.scale)
     bottom.set_yscale(below.y.scale, linthresh=4)
-    bottom.legend(fontsize=8, loc="best")
+    legend_below(figure, (top, bottom), alone=axes is None, **band_title(comparison.classic.level))
     return figure
 
 
@@ -212,7 +217,7 @@ def allan_deviation_data(
 def _read_off(adevs: list[AllanDeviation]) -> list[Item]:
     """What is read off some channels, at the times at which it is read; with the lines if there is one channel."""
     lines: list[Item] = []
-    points, names = [], []
+    points: dict[str, list[tuple[float, float]]] = {}
     for adev in adevs:
         T = adev.times
         if len(T) < 3 or not np.all(adev.deviation > 0):
@@ -225,10 +230,9 @@ def _read_off(adevs: list[AllanDeviation]) -> list[Item]:
             bound = "≤" if str(si.note).startswith("an upper bound") else "="
             lines.append(Line(f"{si.symbol} {bound} {shown.value:.4g} {shown.unit}", T, line))
             at = int(np.argmin(np.abs(np.log(line / adev.deviation))))  # where it was read they are the same
-            points.append((T[at], line[at]))
-            names.append(si.symbol)
-    x, y = np.array(points).reshape(-1, 2).T
-    return [*(lines if len(adevs) == 1 else []), Points("", x, y, tuple(names))]
+            points.setdefault(si.symbol, []).append((T[at], line[at]))
+    read: list[Item] = [Points(f"{symbol} is read here", *np.array(at).T) for symbol, at in points.items()]
+    return [*(lines if len(adevs) == 1 else []), *read]
 
 
 @draw.register(AllanDeviation)
@@ -265,15 +269,13 @@ def plot_allan_deviation(
         more = draw_variances(ax, frame)
         lines = [i for i in more if isinstance(i, Line)]
         total = lines.pop() if regression is not None else None
-        for item, colour in zip(lines, cycle(COMPONENTS), strict=False):
-            put(ax, item, color=colour, lw=1, ls="--")
+        for i, item in enumerate(lines):
+            put(ax, item, **component_style(i))
         if total is not None:
             put(ax, total, color=FIT, lw=1.4)
         for item in more:
             if isinstance(item, Points):
-                put(ax, item, marker="D", ls="", color="0.25", ms=5, mfc="white", zorder=3)
-                for name, x, y in zip(item.names, item.x, item.y, strict=True):
-                    ax.annotate(name, (x, y), xytext=(5, 5), textcoords="offset points", fontsize=8, color="0.25")
+                put(ax, item, marker=_READ[item.label[0]], ls="", color="0.15", ms=6, mfc="white", zorder=3)
         if more:
             bands = [i for i in frame.items if isinstance(i, Band)]
             curves = [i for i in frame.items if isinstance(i, Line)][: len(bands)]

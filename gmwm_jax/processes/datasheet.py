@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from gmwm_jax._internal.checks import positive, sampling_rate
@@ -15,6 +16,9 @@ from gmwm_jax.processes.quantisation import QN
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
 from gmwm_jax.units import convert, unit
+
+Datasheet = str | AbstractProcess | Composite | Mapping[str, str | AbstractProcess | Composite]
+"""A model, or where the channels have several units one for each of them: ``{"rad/s": ..., "m/s^2": ...}``."""
 
 _ENTRY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^-+.\d\s].*?)?\s*")
 # entry -> (process, what its SI unit adds to the signal's, datasheet value -> filter quantity)

@@ -9,12 +9,13 @@ alternative to: both see one process at a time and are biased where two overlap.
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
@@ -46,6 +47,25 @@ class AllanDeviation(Drawable):
     def __getitem__(self, channel: str | int) -> "AllanDeviation":
         """One channel, by name or number."""
         return allan_deviation(self.wv[channel], rate=sampling_rate(self.wv.rate))
+
+    def plot(self, *, regression: Any = None, readings: bool = True, axes: GivenAxes | None = None) -> Figure:
+        """Draw the Allan deviation over averaging time, a frame for each unit.
+
+        Parameters
+        ----------
+        regression
+            A `gmwm_jax.fitting.SlopeRegression` of one channel: its slopes, and the deviation they imply together.
+        readings
+            Draw what `gmwm_jax.fitting.read_off` reads, where there is no regression.
+        axes
+            An Axes for each unit to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `gmwm_jax.plotting.plot_allan_deviation`.
+        """
+        return self._draw(regression=regression, readings=readings, axes=axes)
 
     def __repr__(self) -> str:
         """A row a time, a column a channel."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.outliers import OutlierRun
 from gmwm_jax.recordings.recording import Recording
@@ -58,6 +58,23 @@ class RobustComparison(Drawable):
     def num_outliers(self) -> int:
         """Samples in all runs."""
         return sum(run.last - run.first + 1 for run in self.runs)
+
+    def plot(self, *, cleaned: WaveletVariance | None = None, axes: GivenAxes | None = None) -> Figure:
+        """Draw both wavelet variances, and their difference in standard errors.
+
+        Parameters
+        ----------
+        cleaned
+            A third curve: the wavelet variance of the same channel without its outliers, see `mask_outliers`.
+        axes
+            Two Axes to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `gmwm_jax.plotting.plot_robust_comparison`.
+        """
+        return self._draw(cleaned=cleaned, axes=axes)
 
     def __repr__(self) -> str:
         """Two tables: scales, and the largest runs of outliers."""

@@ -19,12 +19,13 @@ from gmwm_jax._internal.checks import (
     time_first,
     unmasked,
 )
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_CHANNEL, Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.processes.base import Composite
+from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.units import require_si
 from gmwm_jax.variance.blocked import blocks_to_file
@@ -165,6 +166,24 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         known = {"rate": self.rate, "num_samples": self.num_samples, "level": self.level, "name": self.name}
         attributes = {k: v for k, v in known.items() if v} | {"estimator": self.estimator.name}
         return Arrays(values, coordinates, attributes, dims)
+
+    def plot(self, *, datasheet: Datasheet | None = None, axes: GivenAxes | None = None) -> Figure:
+        """Draw wavelet variances over scale with their intervals, a frame for each unit.
+
+        Parameters
+        ----------
+        datasheet
+            A model of what the datasheet promises, drawn as a line; by unit if there are several:
+            ``{"rad/s": ..., "m/s^2": ...}``.
+        axes
+            An Axes for each unit to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `gmwm_jax.plotting.plot_wavelet_variance`.
+        """
+        return self._draw(datasheet=datasheet, axes=axes)
 
     def __repr__(self) -> str:
         """A table: a row a scale, a column a channel (with the interval if there is only one)."""

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -133,6 +133,25 @@ class Covariances(Judged, Drawable, Saved):
         out[known] = np.maximum(np.linalg.eigvalsh(S), 0.0)
         return out
 
+    def plot(self, *, group: str = "pose", level: float = 0.95, axes: GivenAxes | None = None) -> Figure:
+        """Draw true against claimed errors, and how consistent that makes the filter.
+
+        Parameters
+        ----------
+        group
+            Of states whose NEES and coverage are drawn, see `nav_jax.filter.layout.GROUPS`.
+        level
+            Of the region whose coverage is drawn.
+        axes
+            Four Axes to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_analysis`.
+        """
+        return self._draw(group=group, level=level, axes=axes)
+
     def __repr__(self) -> str:
         """True RMS errors beside what the filter says of them, at the judged epoch."""
         k = self.epoch()
@@ -197,6 +216,25 @@ class Analysis(Mapping[str, Covariances], Drawable, Saved, Labelled):
         }
         attributes = {"reference": self.reference, "truth": self.truth, "frames": "n: NED; b: forward, right, down; SI"}
         return Arrays(variables, coordinates, attributes, rows)
+
+    def plot(self, *, group: str = "pose", level: float = 0.95, axes: GivenAxes | None = None) -> Figure:
+        """Draw true against claimed errors of the filters, and how consistent that makes them.
+
+        Parameters
+        ----------
+        group
+            Of states whose NEES and coverage are drawn, see `nav_jax.filter.layout.GROUPS`.
+        level
+            Of the region whose coverage is drawn.
+        axes
+            Four Axes to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_analysis`.
+        """
+        return self._draw(group=group, level=level, axes=axes)
 
     def __repr__(self) -> str:
         """The filters from the smallest true position error on, at the judged epoch."""

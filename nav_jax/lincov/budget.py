@@ -4,6 +4,7 @@ With the gains of the filter the error is linear in all that is random, and the 
 moments add up to that of the error, exactly. All sources go through one compiled and vectorised program.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64, Int
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
@@ -77,6 +78,31 @@ class Budget(Judged, Drawable):
         texts = [f"{number(float(x), 4)} {QUANTITIES[q][1]}" for q, x in rms.items()]
         rows.append(["all: RMS", number(float(rms["position"]), 3), *texts])
         return format_table(head, rows)
+
+    def plot(
+        self,
+        *,
+        quantities: Sequence[str] = ("horizontal", "vertical", "tilt", "heading"),
+        num: int = 7,
+        axes: GivenAxes | None = None,
+    ) -> Figure:
+        """Draw the shares of the sources over time, and the errors themselves.
+
+        Parameters
+        ----------
+        quantities
+            A frame each, of `nav_jax.filter.layout.QUANTITIES`.
+        num
+            At most so many sources have a colour of their own; the others are one.
+        axes
+            An Axes for each quantity to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_budget`.
+        """
+        return self._draw(quantities=quantities, num=num, axes=axes)
 
     def __repr__(self) -> str:
         return f"Error budget at {self.time[self.epoch()]:g} s: parts of the mean square\n{self.table()}"

@@ -17,7 +17,7 @@ from jax import Array
 from jaxtyping import Float, Float64, Int, Key
 
 from gmwm_jax._internal.checks import integer, typed_key
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
@@ -82,6 +82,27 @@ class CalibrationEffect(Judged, Drawable):
         p = f"{100 * level:g} %"
         head = ["RMS error", "unit", "estimate", f"{p} low", f"{p} high", "sd by delta [%]", "loss [%]"]
         return format_table(head, rows, left=2)
+
+    def plot(
+        self, *, quantities: Sequence[str] = ("position", "heading"), level: float = 0.95, axes: GivenAxes | None = None
+    ) -> Figure:
+        """Draw what the calibration leaves open of the errors, and what its estimate costs.
+
+        Parameters
+        ----------
+        quantities
+            A column each, of `nav_jax.filter.layout.QUANTITIES`.
+        level
+            Of the bands.
+        axes
+            Three Axes a quantity to draw into, of shape (3, quantities); a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_calibration`.
+        """
+        return self._draw(quantities=quantities, level=level, axes=axes)
 
     def __repr__(self) -> str:
         num = len(next(iter(self.used.values())))

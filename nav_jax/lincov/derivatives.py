@@ -4,6 +4,7 @@ Of the truth, and of what the filter believes, separately. Where the filter beli
 the derivatives by what it believes vanish, and only those by the truth remain.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64, Int
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
@@ -79,6 +80,31 @@ class Sensitivities(Judged, Drawable):
             values = [f * self.derivative[q][k, p] for q, (_, _, f) in QUANTITIES.items()]
             rows.append([self.names[p], self.sides[p], *(number(float(v), 3) for v in values)])
         return format_table(head, rows, left=2)
+
+    def plot(
+        self,
+        *,
+        quantities: Sequence[str] = ("position", "tilt", "heading"),
+        num: int = 8,
+        axes: GivenAxes | None = None,
+    ) -> Figure:
+        """Draw the derivatives by the parameters that matter most, over time.
+
+        Parameters
+        ----------
+        quantities
+            A row each, of `nav_jax.filter.layout.QUANTITIES`.
+        num
+            So many parameters.
+        axes
+            An Axes for each quantity to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_sensitivities`.
+        """
+        return self._draw(quantities=quantities, num=num, axes=axes)
 
     def __repr__(self) -> str:
         title = f"d RMS / d log parameter at {self.time[self.epoch()]:g} s (logit of phi and of other bounded ones)"

@@ -6,17 +6,14 @@ from typing import Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
-from gmwm_jax._internal.drawing import registry
+from gmwm_jax._internal.drawing import GivenAxes, registry
 from gmwm_jax._internal.figure_data import Axis, Frame, Item, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, put
 
 draw = registry("nav_jax")
 """Draw a result by the function that has registered for its class: ``draw(result, **options)`` is `result.plot`."""
-
-COLOURS = ("#1f4e79", "#c23b22", "#2a8f8f", "#e08e0b", "#7a4f9a", "#5b8c2a", "#b5628c", "#6b6b6b")
-"""Of models, in their order."""
 
 INK = "0.25"
 DEGREES = 180 / np.pi
@@ -93,6 +90,22 @@ def time_below(ax: Axes) -> None:
     if len(ax.get_shared_x_axes().get_siblings(ax)) == 1 or (spec and spec.is_last_row()):
         return
     ax.set_xlabel("")
+
+
+def signed_logarithm(ax: Axes, around: float) -> None:
+    """Linear within so much of zero and logarithmic beyond, with few ticks that read as numbers."""
+    ax.set_yscale("symlog", linthresh=around)
+    most = np.abs(ax.get_ylim()).max()
+    powers = 10.0 ** np.arange(np.ceil(np.log10(around)), np.ceil(np.log10(most)))
+    powers = powers[:: max(1, round(len(powers) / 2))]
+    ax.set_yticks([*-powers[::-1], 0.0, *powers])
+    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def beside_title(ax: Axes, text: str, colour: str) -> None:
+    """A note on a frame, where it covers no curve."""
+    ax.set_title(text, loc="right", fontsize=8, color=colour)
 
 
 def positive(x: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 Bands of confidence move with the data; grey bands are where a consistent filter lies.
 """
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import Any
@@ -11,10 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Item, Line, Mark, Points, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
+from gmwm_jax._internal.figures import describe, frames, legend_below, put, put_in_turns
+from gmwm_jax._internal.palette import COLOURS, marked
 from nav_jax.plotting._style import (
-    COLOURS,
     DEGREES,
     TIME,
     draw,
@@ -34,9 +36,10 @@ Models = Comparison | Runs | Mapping[str, Runs]
 """One model or several on common random numbers."""
 
 _CONSISTENT = "0.82"
+_BREAK = "\n"
 
 
-def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) -> tuple[Frame, Frame]:
+def mean_errors_data(models: Models, *, log: bool = True, level: float = 0.95) -> tuple[Frame, Frame]:
     """Return what `plot_mean_errors` shows: position and orientation, a band and a line for each model.
 
     Parameters
@@ -44,7 +47,7 @@ def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) 
     models
         One or several; only runs in which none of them failed count.
     log
-        Logarithmic errors.
+        Logarithmic errors; else linear ones.
     level
         Of the bands, pointwise.
 
@@ -68,9 +71,7 @@ def mean_errors_data(models: Models, *, log: bool = False, level: float = 0.95) 
     )
 
 
-def plot_mean_errors(
-    models: Models, *, log: bool = False, level: float = 0.95, axes: GivenAxes | None = None
-) -> Figure:
+def plot_mean_errors(models: Models, *, log: bool = True, level: float = 0.95, axes: GivenAxes | None = None) -> Figure:
     """Plot mean position and orientation error of each model with its confidence band.
 
     Parameters
@@ -78,7 +79,7 @@ def plot_mean_errors(
     models
         One or several; only runs in which none of them failed count.
     log
-        Logarithmic errors, by which a filter with and without GNSS fits into one frame.
+        Logarithmic errors, by which a filter with and without GNSS fits into one frame; else linear ones.
     level
         Of the bands, pointwise.
     axes
@@ -96,14 +97,10 @@ def plot_mean_errors(
     >>> figure.savefig("mean_errors.png")
     """
     shown = mean_errors_data(models, log=log, level=level)
-    figure, drawn = frames(axes, 1, 2, (10.5, 4.4), sharex=True)
+    figure, drawn = frames(axes, 1, 2, (10.5, 4.8), sharex=True)
     for ax, frame in zip(drawn, shown, strict=True):
         _draw_means(ax, frame)
-        if log:
-            logarithmic(ax)
-        else:
-            ax.set_ylim(bottom=0)
-        _finish(ax, frame, f"{len(_common(models)[1])} runs, band: {100 * level:g} % interval")
+    legend_below(figure, drawn, alone=axes is None, **_title(f"{len(_common(models)[1])} runs", level))
     return figure
 
 
@@ -138,6 +135,7 @@ def consistency_data(
         dofs = sorted({r.dof[group] for r in shown.values()})
         nees: list[Item] = []
         covered: list[Item] = []
+        inside: dict[str, dict[str, float]] = {"NEES": {}, "coverage": {}}
         for name, r in shown.items():
             known, dof = r.known_epochs(group), r.dof[group]
             squares, t = r.select(r.nees[group], chosen)[:, known], r.time[known]
@@ -145,13 +143,15 @@ def consistency_data(
             if not nees:
                 nees.append(Span("consistent", mean.low / dof, mean.high / dof, "y"))
                 covered.append(Span("consistent", share.low, share.high, "y"))
-            nees.append(Line(f"{name}: {100 * mean.share_inside:.0f} % inside", t, mean.value / dof))
-            covered.append(Line(f"{name}: {100 * share.share_inside:.0f} % inside", t, share.value))
+            nees.append(Line(name, t, mean.value / dof))
+            covered.append(Line(name, t, share.value))
+            inside["NEES"][name], inside["coverage"][name] = mean.share_inside, share.share_inside
         outages = outage_items(_outages(by_name))
-        title = f"{group}: {' or '.join(map(str, dofs)) or 'no'} states"
+        title = f"{group}: {' or '.join(map(str, dofs)) or 'no'} states{_inside(inside['NEES'])}"
         region = Axis(f"coverage of the {100 * level:g} % region", "1")
         above.append(Frame(title, TIME, Axis("mean NEES / dof", "1"), (*nees, Mark("", 1.0, "y"), *outages)))
-        below.append(Frame("", TIME, region, (*covered, Mark("", level, "y"), *outages)))
+        within = _inside(inside["coverage"]).lstrip()
+        below.append(Frame(within, TIME, region, (*covered, Mark("", level, "y"), *outages)))
     return (*above, *below)
 
 
@@ -189,25 +189,27 @@ def plot_consistency(
     by_name, chosen = _common(models)
     shown, num = consistency_data(models, groups=groups, level=level), len(groups)
     figure, drawn = frames(axes, 2, num, (1.5 + 4 * num, 6.4), sharex=True)
-    colours = dict(zip(by_name, cycle(COLOURS), strict=False))
+    order = list(by_name)
     for i, (ax, frame) in enumerate(zip(drawn, shown, strict=True)):
         nees = i < num
-        own = iter([colours[name] for name in _with_states(by_name, groups[i % num])])
         for item in without_outages(frame):
             match item:
                 case Span():
                     put(ax, item, color=_CONSISTENT, zorder=1)
                 case Mark():
                     put(ax, item, color="0.4", lw=0.7)
-                case _:
-                    put(ax, item, color=next(own), lw=1.2)
-        if not nees:
-            ax.set_ylim(None, 1.02)
-        _room(ax, above=nees)
-        band = f"{len(chosen)} runs, grey: {100 * level:g} % band"
-        _finish(ax, frame, band, "upper left" if nees else "lower left")
+                case Line():  # a share of 1 lies on the edge
+                    put_in_turns(ax, item, order.index(item.label), len(order), clip_on=nees)
+        if nees:
+            _far_off(ax)
+        else:
+            ax.set_ylim(0, 1)
+        _finish(ax, frame)
         if nees and axes is None:
             ax.set_xlabel("")
+    legend_below(
+        figure, drawn, alone=axes is None, **_title(f"{len(chosen)} runs", level, "band of a consistent filter")
+    )
     return figure
 
 
@@ -243,14 +245,15 @@ def nis_data(models: Models, *, sensors: Sequence[str] | None = None, level: flo
     shown = []
     for sensor in names:
         items: list[Item] = []
+        inside: dict[str, float] = {}
         for name, r in by_name.items():
             if sensor in r.nis:
                 nis = mean_nees(r.select(r.nis[sensor], chosen), r.nis_dof[sensor], level)
-                label = f"{name}: {100 * nis.share_inside:.0f} % inside"
-                items.append(Points(label, r.nis_time[sensor], nis.value / nis.dof))
+                inside[name] = nis.share_inside
+                items.append(Points(name, r.nis_time[sensor], nis.value / nis.dof))
                 items.append(Span("", nis.low / nis.dof, nis.high / nis.dof, "y"))
         items += [Mark("", 1.0, "y"), *outage_items(_outages(by_name))]
-        shown.append(Frame(sensor, TIME, Axis("mean NIS / dof", "1"), tuple(items)))
+        shown.append(Frame(f"{sensor}{_inside(inside)}", TIME, Axis("mean NIS / dof", "1"), tuple(items)))
     return tuple(shown)
 
 
@@ -283,9 +286,9 @@ def plot_nis(
     """
     by_name, chosen = _common(models)
     shown = nis_data(models, sensors=sensors, level=level)
-    figure, drawn = frames(axes, len(shown), 1, (8.5, 0.8 + 2.6 * len(shown)), sharex=True)
+    figure, drawn = frames(axes, len(shown), 1, (8.5, 1.0 + 2.6 * len(shown)), sharex=True)
+    order = list(by_name)
     for ax, frame in zip(drawn, shown, strict=True):
-        own = iter([c for c, r in zip(cycle(COLOURS), by_name.values(), strict=False) if frame.title in r.nis])
         for item in without_outages(frame):
             match item:
                 case Span():
@@ -293,13 +296,20 @@ def plot_nis(
                 case Mark():
                     put(ax, item, color="0.4", lw=0.7)
                 case _:
-                    put(ax, item, color=next(own), marker=".", ls="", ms=3.5)
-        _room(ax, above=True)
-        _finish(ax, frame, f"{len(chosen)} runs, grey: {100 * level:g} % band", "upper left")
+                    put(ax, item, **marked(order.index(item.label)), ms=4)
+        _far_off(ax)
+        _finish(ax, frame)
+        if ax is not drawn[-1] and axes is None:
+            ax.set_xlabel("")
+    legend_below(
+        figure, drawn, alone=axes is None, **_title(f"{len(chosen)} runs", level, "band of a consistent filter")
+    )
     return figure
 
 
-def comparison_data(comparison: Comparison, *, at: float | None = None, level: float = 0.95) -> tuple[Frame, ...]:
+def comparison_data(
+    comparison: Comparison, *, at: float | None = None, level: float = 0.95, log: bool = True
+) -> tuple[Frame, ...]:
     """Return what `plot_comparison` shows: mean errors, energy score, consistency of the pose, and paired differences.
 
     Parameters
@@ -310,6 +320,8 @@ def comparison_data(comparison: Comparison, *, at: float | None = None, level: f
         Time in s at which they are judged, see `Comparison.table`.
     level
         Of all bands and intervals.
+    log
+        Logarithmic errors; else linear ones.
 
     Examples
     --------
@@ -330,10 +342,10 @@ def comparison_data(comparison: Comparison, *, at: float | None = None, level: f
     title = "energy score of the position (lower is better)"
     nees, covered = consistency_data(comparison, groups=("pose",), level=level)
     over_time = (
-        *mean_errors_data(comparison, level=level),
-        _mean_frame(title, Axis("mean energy score", "m"), by_name, scores),
-        nees._replace(title="NEES of position and attitude"),
-        covered._replace(title="coverage of position and attitude"),
+        *mean_errors_data(comparison, log=log, level=level),
+        _mean_frame(title, Axis("mean energy score", "m", "log" if log else "linear"), by_name, scores),
+        nees._replace(title=f"NEES of position and attitude\n{nees.title.partition(_BREAK)[2]}"),
+        covered._replace(title=f"coverage of position and attitude\n{covered.title}"),
     )
     judged = (frame._replace(items=(*frame.items, Mark("", table.time))) for frame in over_time)
     return (*judged, _pairs(table))
@@ -341,7 +353,12 @@ def comparison_data(comparison: Comparison, *, at: float | None = None, level: f
 
 @draw.register(Comparison)
 def plot_comparison(
-    comparison: Comparison, *, at: float | None = None, level: float = 0.95, axes: GivenAxes | None = None
+    comparison: Comparison,
+    *,
+    at: float | None = None,
+    level: float = 0.95,
+    log: bool = True,
+    axes: GivenAxes | None = None,
 ) -> Figure:
     """Plot all models at a glance: mean errors, energy score, consistency of the pose, and which differences are real.
 
@@ -353,6 +370,8 @@ def plot_comparison(
         Time in s at which they are judged, see `Comparison.table`.
     level
         Of all bands and intervals.
+    log
+        Logarithmic errors, by which a filter with and without GNSS fits into one frame; else linear ones.
     axes
         Six Axes to draw into, as in two rows of three; a new figure if left out.
 
@@ -368,37 +387,37 @@ def plot_comparison(
     >>> figure.savefig("comparison.png")
     """
     by_name, chosen = _common(comparison)
-    shown = comparison_data(comparison, at=at, level=level)
-    figure, drawn = frames(axes, 2, 3, (15, 8))
+    shown = comparison_data(comparison, at=at, level=level, log=log)
+    figure, drawn = frames(axes, 2, 3, (15, 8.6))
     position, orientation, score, nees, covered, pairs = drawn
-    plot_mean_errors(comparison, level=level, axes=(position, orientation))
-    _draw_means(score, shown[2])
-    score.set_ylim(bottom=0)
-    _finish(score, shown[2], f"{len(chosen)} runs, band: {100 * level:g} % interval")
+    for ax, frame in zip((position, orientation, score), shown[:3], strict=True):
+        _draw_means(ax, frame._replace(items=frame.items[:-1]))
     plot_consistency(comparison, groups=("pose",), level=level, axes=(nees, covered))
+    nees.get_legend().remove()  # type: ignore[union-attr]
     for ax, frame in zip(drawn[:5], shown[:5], strict=True):
-        ax.set_title(frame.title)
+        ax.set_title(frame.title, fontsize=10)
         put(ax, frame.items[-1], color="0.35", lw=0.9, ls=":")
     colours = dict(zip(by_name, cycle(COLOURS), strict=False))
     _draw_pairs(pairs, shown[5], comparison.table(at, level), colours)
+    bands = "bands and bars: intervals of the means, grey: of a consistent filter"
+    legend_below(figure, drawn[:5], alone=axes is None, **_title(f"{len(chosen)} runs", level, bands))
     if axes is None:
-        truth = f"; truth: {comparison.truth.splitlines()[0]}" if comparison.truth else ""
-        figure.suptitle(f"{len(chosen)} common runs along {comparison.reference.name or 'a trajectory'}{truth}")
+        figure.suptitle(f"{len(chosen)} common runs along {comparison.reference.name or 'a trajectory'}")
     return figure
 
 
 def _pairs(table: Ranking) -> Frame:
     """Differences to the best model in the same runs, with their intervals and verdicts, in rows from the top."""
     best = table[0].model
-    items: list[Item] = [Mark(f"{best}: {table[0].mean_position:.3g} m", 0.0)]
+    items: list[Item] = [Mark("", 0.0)]
     names = []
     for one in table:
         if one.paired is not None:
             ends = (one.paired.difference, len(names), one.paired.low, one.paired.high)
             items.append(Bars("", *(np.array([value]) for value in ends), lying=True))
             p = "p < 0.0001" if one.p < 1e-4 else f"p = {one.p:.2g}"
-            names.append(f"{one.model}, {p}\n{one.verdict}")
-    x = Axis(f"position error minus that of {best}", "m")
+            names.append("\n".join([f"{one.model}, {p}", *textwrap.wrap(one.verdict, 24)]))
+    x = Axis(f"position error minus that of {best}, {table[0].mean_position:.3g} m", "m")
     return Frame(f"difference in the same runs at {table.time:g} s", x, Axis("", "", names=tuple(names)), tuple(items))
 
 
@@ -406,14 +425,13 @@ def _draw_pairs(ax: Axes, frame: Frame, table: Ranking, colours: Mapping[str, st
     best, *bars = frame.items
     put(ax, best, color=colours[table[0].model], lw=1.6)
     others = [one.model for one in table if one.paired is not None]
-    for row, (item, model, text) in enumerate(zip(bars, others, frame.y.names, strict=True)):
+    for item, model in zip(bars, others, strict=True):
         put(ax, item, fmt="o", color=colours[model], capsize=4, lw=1.6)
-        ax.annotate(text, (0.03, row + 0.1), xycoords=("axes fraction", "data"), va="top", fontsize=9)
-    ax.set(ylim=(len(others) - 0.4, -0.75), yticks=[])
-    describe(ax, frame)
+    ax.set_yticks(range(len(others)), frame.y.names, fontsize=8)
+    ax.set_ylim(max(len(others), 1) - 0.5, -0.5)  # one model alone has no other
+    describe(ax, frame, fontsize=10)
     ax.margins(x=0.15)
     grid(ax)
-    ax.legend(fontsize=8, loc="upper right", title=f"bars: {100 * table.level:g} % interval", title_fontsize=8)
 
 
 def _mean_frame(
@@ -428,10 +446,21 @@ def _mean_frame(
 
 
 def _draw_means(ax: Axes, frame: Frame) -> None:
+    """Bands and lines of the models, of which none hides another."""
     items = without_outages(frame)
-    for band, line, colour in zip(items[::2], items[1::2], cycle(COLOURS), strict=False):
-        put(ax, band, color=colour, alpha=0.2)
-        put(ax, line, color=colour, lw=1.4)
+    num = len(items) // 2
+    for i, (band, line) in enumerate(zip(items[::2], items[1::2], strict=True)):
+        put(ax, band, color=COLOURS[i % len(COLOURS)], alpha=0.2)
+        assert isinstance(line, Line)
+        put_in_turns(ax, line, i, num)
+    if frame.y.scale == "log":
+        means = np.concatenate([item.y[item.y > 0] for item in items if isinstance(item, Line)])
+        if len(means):  # an interval may go down to zero
+            ax.set_ylim(bottom=means.min() / 1.5)
+        logarithmic(ax)
+    else:
+        ax.set_ylim(bottom=0)
+    _finish(ax, frame)
 
 
 def _with_states(by_name: Mapping[str, Runs], group: str) -> dict[str, Runs]:
@@ -455,24 +484,25 @@ def _common(models: Models) -> tuple[dict[str, Runs], np.ndarray]:
     return {name: r for name, r in every.items() if r.num_good >= 2}, chosen
 
 
-def _finish(ax: Axes, frame: Frame, title: str, place: Any = "best") -> None:
+def _finish(ax: Axes, frame: Frame) -> None:
     shade(ax, frame)
-    describe(ax, frame)
+    describe(ax, frame, fontsize=9)
     ax.margins(x=0)
     grid(ax)
-    handles, _ = ax.get_legend_handles_labels()
-    ax.legend(fontsize=8, title=title, title_fontsize=8, loc=place, ncols=1 + (len(handles) > 3))
 
 
-def _room(ax: Axes, *, above: bool) -> None:
-    """Room for a legend that would cover the curves."""
-    low, high = ax.get_ylim()
-    if above and high > 6:  # a model that is far off would press the band flat
+def _far_off(ax: Axes) -> None:
+    """A model that is far off would press the band flat."""
+    if ax.get_ylim()[1] > 6:
         logarithmic(ax)
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** 0.45)
-    elif above:
-        ax.set_ylim(low, high + 0.45 * (high - low))
-    else:
-        ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= 1])
-        ax.set_ylim(low - 0.45 * (high - low), high)
+
+
+def _title(runs: str, level: float, what: str = "interval of the mean") -> dict[str, Any]:
+    """What the bands are, above a legend."""
+    return {"title": f"{runs}; {100 * level:g} % {what}", "title_fontsize": 8}
+
+
+def _inside(shares: Mapping[str, float]) -> str:
+    """How much of each curve lies where that of a consistent filter does: lines below a title."""
+    text = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items())
+    return "".join(f"\n{line}" for line in textwrap.wrap(f"inside: {text}", 52)) if shares else ""

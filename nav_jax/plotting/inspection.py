@@ -2,9 +2,11 @@
 
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Frame, Item, Line, Mark, Span
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, put
-from nav_jax.plotting._style import COLOURS, DEGREES, TIME, draw, grid
+from gmwm_jax._internal.figures import describe, frames, legend_below, put, put_in_turns
+from gmwm_jax._internal.palette import COLOURS
+from nav_jax.plotting._style import DEGREES, TIME, draw, grid
 from nav_jax.recorded.inspection import Inspection
 
 _REST, _GAP = "#d9ead3", "#c23b22"
@@ -64,18 +66,17 @@ def plot_inspection(inspection: Inspection, *, axes: GivenAxes | None = None) ->
     shown = inspection_data(inspection)
     figure, drawn = frames(axes, -(-len(shown) // 2), 2, (10.5, 1.0 + 2.8 * -(-len(shown) // 2)), num=len(shown))
     for ax, frame in zip(drawn, shown, strict=True):
-        colours = iter(COLOURS)
-        marked = iter(COLOURS[::2])
-        for item in frame.items:
+        num = sum(isinstance(item, Line) for item in frame.items)
+        marked = iter(COLOURS[4:])
+        for i, item in enumerate(frame.items):  # curves come first
             if isinstance(item, Span):
                 put(ax, item, color=_REST, zorder=0)
             elif isinstance(item, Mark):
                 put(ax, item, color=_GAP if item.label in ("gap", "") else next(marked), lw=1.0, ls=":")
-            else:
-                put(ax, item, color=next(colours), lw=1.1)
+            elif isinstance(item, Line):
+                put_in_turns(ax, item, i, num)
         describe(ax, frame)
         ax.margins(x=0)
         grid(ax)
-        if any(item.label for item in frame.items):
-            ax.legend(fontsize=8)
+    legend_below(figure, drawn, alone=axes is None)
     return figure

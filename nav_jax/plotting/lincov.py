@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Histogram, Item, Line, Mark, Points
-from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
+from gmwm_jax._internal.figures import describe, entries_of, frames, legend_below, put, shared_legend
+from gmwm_jax._internal.palette import COLOURS, nested
 from nav_jax.filter.layout import QUANTITIES
 from nav_jax.lincov.analysis import Analysis, Covariances
 from nav_jax.lincov.budget import Budget
@@ -19,7 +21,6 @@ from nav_jax.lincov.calibration import CalibrationEffect
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
 from nav_jax.plotting._style import (
-    COLOURS,
     DEGREES,
     INK,
     TIME,
@@ -29,12 +30,19 @@ from nav_jax.plotting._style import (
     logarithmic,
     outage_items,
     positive,
+    signed_logarithm,
     time_below,
     without_outages,
 )
 
 _OTHERS = "0.8"
-_STYLES = {"truth": "-", "filter": "--"}
+_FAR = 10.0
+"""Derivatives that grow by more than that need a logarithmic axis."""
+_TRUE = 0.75
+"""So much of what is below a true error shows through it."""
+
+_STYLES = {"truth": ("-", "-."), "filter": ("--", ":")}
+"""Dashes of a parameter; the second where all colours have been used once."""
 
 
 def analysis_data(filters: Mapping[str, Covariances], *, group: str = "pose", level: float = 0.95) -> tuple[Frame, ...]:
@@ -75,8 +83,10 @@ def analysis_data(filters: Mapping[str, Covariances], *, group: str = "pose", le
 
 
 @draw.register(Covariances)
-def _plot_one_filter(c: Covariances, **options: Any) -> Figure:
-    return plot_analysis({c.name: c}, **options)
+def _plot_one_filter(
+    c: Covariances, *, group: str = "pose", level: float = 0.95, axes: GivenAxes | None = None
+) -> Figure:
+    return plot_analysis({c.name: c}, group=group, level=level, axes=axes)
 
 
 @draw.register(Analysis)
@@ -108,23 +118,24 @@ def plot_analysis(
     figure, drawn = frames(axes, 2, 2, (11.5, 7.4), sharex=True)
     for ax, frame in zip(drawn[:2], shown[:2], strict=True):
         items = without_outages(frame)
-        for true, claimed, colour in zip(items[::2], items[1::2], cycle(COLOURS), strict=False):
-            put(ax, true, color=colour, lw=1.4)
-            put(ax, claimed, color=colour, lw=1.2, ls="--")
+        for i, (true, claimed) in enumerate(zip(items[::2], items[1::2], strict=True)):
+            put(ax, true, **nested(i, len(filters)), alpha=_TRUE)
+            dashes = (8 * i / len(filters), (4, 4))  # where claims coincide each has its part of the way
+            put(ax, claimed, color=COLOURS[i % len(COLOURS)], lw=1.3, ls=dashes)
     for ax, frame in zip(drawn[2:], shown[2:], strict=True):
         *curves, right = without_outages(frame)
-        for item, colour in zip(curves, cycle(COLOURS), strict=False):
-            put(ax, item, color=colour, lw=1.4)
+        for i, item in enumerate(curves):
+            put(ax, item, **nested(i, len(curves)), alpha=_TRUE, clip_on=frame.y.scale == "log")
         put(ax, right, color=INK, lw=0.9, ls=":")
     for ax, frame in zip(drawn, shown, strict=True):
         describe(ax, frame)
         if frame.y.scale == "log":
             logarithmic(ax)
         along_time(ax, frame)
-    drawn[3].set_ylim(-0.02, 1.02)
+    drawn[3].set_ylim(0, 1)
     styles = {label: Line2D([], [], color=INK, ls=ls) for ls, label in (("-", "true"), ("--", "claimed"))}
     entries = entries_of(drawn[2]) | styles
-    shared_legend(figure, drawn, entries, alone=axes is None, loc="outside lower center", ncols=min(len(entries), 4))
+    legend_below(figure, drawn, alone=axes is None, entries=entries)
     return figure
 
 
@@ -154,7 +165,10 @@ def sensitivities_data(
         _, unit, factor = QUANTITIES[q]
         lines = [Line(f"{s.names[p]} ({s.sides[p]})", s.time, factor * s.derivative[q][:, p]) for p in chosen]
         items = (*lines, Mark("", 0.0, "y"), *outage_items(s.outage_intervals))
-        shown.append(Frame(q, TIME, Axis("d RMS / d log", unit), items))
+        most = np.max(np.abs([line.y for line in lines]), axis=0, initial=0.0)
+        # else what is before an outage would be flat
+        scale = "symlog" if most.max() > _FAR * _usual(most) > 0 else "linear"
+        shown.append(Frame(q, TIME, Axis("d RMS / d log", unit, scale), items))
     return tuple(shown)
 
 
@@ -188,15 +202,18 @@ def plot_sensitivities(
     >>> figure.savefig("sensitivities.png")
     """
     chosen = _most_effective(s, quantities, num)
-    colours = dict(zip(dict.fromkeys(s.names[p] for p in chosen), cycle(COLOURS), strict=False))
+    order = list(dict.fromkeys(s.names[p] for p in chosen))
     shown = sensitivities_data(s, quantities=quantities, num=num)
     figure, drawn = frames(axes, len(shown), 1, (10.5, 1.2 + 2.5 * len(shown)), sharex=True)
     for ax, frame in zip(drawn, shown, strict=True):
         *lines, zero = without_outages(frame)
         for item, p in zip(lines, chosen, strict=True):
-            put(ax, item, color=colours[s.names[p]], ls=_STYLES[s.sides[p]], lw=1.4)
+            again, colour = divmod(order.index(s.names[p]), len(COLOURS))
+            put(ax, item, color=COLOURS[colour], ls=_STYLES[s.sides[p]][again % 2], lw=1.4)
         put(ax, zero, color=INK, lw=0.7)
         describe(ax, frame)
+        if frame.y.scale == "symlog":
+            signed_logarithm(ax, _usual(np.max(np.abs([line.y for line in lines if isinstance(line, Line)]), axis=0)))
         along_time(ax, frame)
     beside: dict[str, Any] = {"loc": "outside right center", "title": "parameter of", "title_fontsize": 8}
     shared_legend(figure, drawn, entries_of(drawn[0]), alone=axes is None, fontsize=8, **beside)
@@ -211,6 +228,11 @@ def _most_effective(s: Sensitivities, quantities: Sequence[str], num: int) -> li
     k = s.epoch()
     effect = np.max([np.abs(np.nan_to_num(s.elasticity(q)[k])) for q in quantities], axis=0)
     return [int(p) for p in np.argsort(-effect)[:num] if effect[p] > 0]
+
+
+def _usual(most: np.ndarray) -> float:
+    """Of derivatives, what they are outside of outages."""
+    return float(np.nanquantile(most, 0.25))
 
 
 def budget_data(
@@ -285,10 +307,11 @@ def plot_budget(
     figure, drawn = frames(axes, rows, min(2, count), (12.0, 1.0 + 3.2 * rows), num=count, sharex=True)
     for ax, shares, errors in zip(drawn, shown[:count], shown[count:], strict=True):
         describe(ax, shares)
-        colours = iter(COLOURS)
+        colours = cycle(COLOURS)
         for item in shares.items:
             if isinstance(item, Band):
                 put(ax, item, color=_OTHERS if item.label == "others" else next(colours), alpha=0.85)
+                ax.plot(item.x, item.high, color="white", lw=0.8)  # an edge is seen where colours are not
             else:
                 put(ax, item, color="black", lw=0.9, ls=":")
         ax.set_ylim(0, 100)
@@ -389,8 +412,9 @@ def plot_calibration(
     >>> figure.savefig("calibration.png")
     """
     shown, num = calibration_data(c, quantities=quantities, level=level), len(quantities)
-    figure, drawn = frames(axes, 3, num, (1.5 + 5 * num, 9.0))
-    for i, colour in zip(range(num), cycle(COLOURS), strict=False):
+    figure, drawn = frames(axes, 3, num, (1.5 + 5 * num, 9.4))
+    colour = COLOURS[0]
+    for i in range(num):
         over_time, loss, draws = drawn[i::num]
         for ax, frame in zip((over_time, loss, draws), shown[i::num], strict=True):
             describe(ax, frame)
@@ -398,19 +422,18 @@ def plot_calibration(
         put(over_time, band, color=colour, alpha=0.25)
         put(over_time, estimate, color=colour, lw=1.5)
         logarithmic(over_time)
-        put(loss, without_outages(shown[num + i])[0], color=colour, lw=1.5)
+        put(loss, without_outages(shown[num + i])[0], color=colour, lw=1.5, ls="--")
         loss.set_ylim(bottom=0)
         for ax, frame in ((over_time, shown[i]), (loss, shown[num + i])):
             along_time(ax, frame)
-            ax.legend(fontsize=8)
         histogram, mark, *ends = shown[2 * num + i].items
         put(draws, histogram, color=colour, alpha=0.5)
-        put(draws, mark, color=colour, lw=1.8)
+        put(draws, mark, color=colour, lw=1.5)
         for end in ends:
             put(draws, end, color=INK, lw=1.0, ls="--")
         draws.yaxis.set_major_locator(MaxNLocator(integer=True))
-        draws.legend(fontsize=8)
         grid(draws)
+    legend_below(figure, drawn, alone=axes is None)
     return figure
 
 
@@ -478,13 +501,13 @@ def plot_design(d: Design, *, axes: GivenAxes | None = None) -> Figure:
     >>> figure.savefig("design.png")
     """
     shown = design_data(d)
-    figure, drawn = frames(axes, 1, 3, (14.0, 5.0))
+    figure, drawn = frames(axes, 1, 3, (14.0, 5.3))
     for ax, frame in zip(drawn, shown, strict=True):
         _draw_candidates(ax, frame)
         describe(ax, frame)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         grid(ax)
-        ax.legend(fontsize=8, loc="upper right")
+    legend_below(figure, drawn, alone=axes is None)
     return figure
 
 

@@ -1,20 +1,26 @@
 """Figures of a navigation solution on recorded sensors: track, innovations, sensor states, simulated outages."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from scipy.special import erfc
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Item, Line, Mark, Points
-from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
+from gmwm_jax._internal.figures import describe, entries_of, frames, legend_below, put
+from gmwm_jax._internal.palette import COLOURS
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import GnssPosition
 from nav_jax.filter.layout import ON_CHANNELS
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.plotting._style import (
-    COLOURS,
     DEGREES,
+    INK,
     TIME,
     along_time,
+    beside_title,
     draw,
     grid,
     height_frame,
@@ -136,8 +142,7 @@ def plot_navigation(navigation: Navigation, *, sigmas: float = 3.0, axes: GivenA
                 put(ax, item, color=_UNSURE, lw=1.0)
         shade(ax, frame)
     drawn[1].margins(x=0)
-    entries = entries_of(*drawn)
-    shared_legend(figure, drawn, entries, alone=axes is None, loc="outside lower center", ncols=6, fontsize=8)
+    legend_below(figure, drawn, alone=axes is None)
     return figure
 
 
@@ -222,8 +227,7 @@ def plot_innovations(navigation: Navigation, *, sigmas: float = 3.0, axes: Given
             put(ax, bound, color=_BOUND, lw=1.1)
         describe(ax, frame, fontsize=9)
         along_time(ax, frame)
-    entries = entries_of(*drawn)
-    shared_legend(figure, drawn, entries, alone=axes is None, loc="outside lower center", ncols=3, fontsize=8)
+    legend_below(figure, drawn, alone=axes is None)
     return figure
 
 
@@ -288,11 +292,10 @@ def plot_sensor_estimates(navigation: Navigation, *, sigmas: float = 3.0, axes: 
             put(ax, band, color=_UNSURE, alpha=0.7)
         put(ax, line, color=_TRACK, lw=1.2)
         if not bands:
-            ax.text(0.02, 0.9, "no state", transform=ax.transAxes, va="top", color=_BOUND, fontweight="bold")
+            beside_title(ax, "no state", _BOUND)
         describe(ax, frame)
         along_time(ax, frame)
-    entries = entries_of(*drawn)
-    shared_legend(figure, drawn, entries, alone=axes is None, loc="outside lower center", ncols=3, fontsize=8)
+    legend_below(figure, drawn, alone=axes is None)
     figure.align_ylabels()
     return figure
 
@@ -369,25 +372,29 @@ def plot_withheld(navigation: Navigation, *, axes: GivenAxes | None = None) -> F
     >>> nj.plotting.plot_withheld(drive).savefig("outages.png")
     """
     shown = withheld_data(navigation)
-    figure, drawn = frames(axes, len(shown) // 2, 2, (_WIDTH, 1.0 + 1.7 * len(shown)))
+    figure, drawn = frames(axes, len(shown) // 2, 2, (_WIDTH, 1.3 + 1.7 * len(shown)))
     for ax, frame in zip(drawn, shown, strict=True):
         describe(ax, frame)
         for i, item in enumerate(frame.items):
-            if isinstance(item, Line):
-                claimed = i % 2 == 1  # they take turns
-                put(ax, item, color=_BOUND if claimed else _TRACK, lw=1.1, ls="--" if claimed else "-")
+            if isinstance(item, Line):  # of each outage the error and what was claimed
+                put(ax, item, color=COLOURS[i // 2 % len(COLOURS)], lw=1.2, ls="--" if i % 2 else "-")
             elif isinstance(item, Bars):
                 put(ax, item, color=_UNSURE, fmt="|", elinewidth=7)
             else:
-                put(ax, item, color=_TRACK, marker="o", ls="")
+                put(ax, item, color=INK, marker="o", ls="")
         if frame.y.names:
             ax.set_yticks(range(len(frame.y.names)), frame.y.names)
+            for i, number in enumerate(ax.get_yticklabels()):
+                number.set_color(COLOURS[i % len(COLOURS)])
             ax.set_ylim(len(frame.y.names) - 0.5, -0.5)
             ax.set_xlim(left=0.0)
-            ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)  # beside the bars
         else:
             ax.margins(x=0)
             ax.set_ylim(bottom=0.0)
-            ax.legend(fontsize=8)
         grid(ax)
+    lines: dict[str, Any] = {"predicted - measured": "-", "claimed (rms)": "--"}
+    entries = {label: Line2D([], [], color=INK, ls=ls) for label, ls in lines.items()}
+    ends = {f"{label}, at the end": handle for label, handle in entries_of(drawn[1]).items()}
+    colours = {"title": "colour: the outage", "title_fontsize": 8}
+    legend_below(figure, drawn, alone=axes is None, entries=entries | ends, **colours)
     return figure

@@ -3,9 +3,11 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Item, Mark, Points
-from gmwm_jax._internal.figures import GivenAxes, describe, entries_of, frames, put, shared_legend
-from nav_jax.plotting._style import COLOURS, INK, draw, grid, logarithmic, positive
+from gmwm_jax._internal.figures import describe, frames, legend_below, put
+from gmwm_jax._internal.palette import COLOURS
+from nav_jax.plotting._style import INK, draw, grid, logarithmic, positive
 from nav_jax.recorded.tuning import Tuning
 
 _STYLES = {
@@ -97,7 +99,7 @@ def plot_tuning(t: Tuning, *, axes: GivenAxes | None = None) -> Figure:
     ax.set_xlim(1 / _widest(t), _widest(t))
     logarithmic(ax, "x")
     grid(ax)
-    shared_legend(figure, [ax], entries_of(ax), alone=axes is None, loc="outside lower center", ncols=4, fontsize=8)
+    legend_below(figure, [ax], alone=axes is None)
     return figure
 
 

@@ -3,9 +3,11 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Frame, Line, Points
-from gmwm_jax._internal.figures import GivenAxes, describe, frames, new_figure, put
-from nav_jax.plotting._style import COLOURS, DEGREES, TIME, draw, grid, height_frame, plan_and_height, plan_frame
+from gmwm_jax._internal.figures import describe, frames, legend_below, new_figure, put, put_in_turns
+from gmwm_jax._internal.palette import COLOURS
+from nav_jax.plotting._style import DEGREES, TIME, draw, grid, height_frame, plan_and_height, plan_frame
 from nav_jax.trajectory.trajectory import Trajectory
 
 _FLAT = 1.0
@@ -56,25 +58,27 @@ def plot_trajectory(trajectory: Trajectory, *, attitude: bool = True, axes: Give
     >>> figure.savefig("trajectory.png")
     """
     shown = trajectory_data(trajectory, attitude=attitude)
+    alone = axes is None
     if attitude:
         if axes is None:
             places = new_figure(10.5, 5.2).subplot_mosaic([["plan", "height"], ["plan", "attitude"]])
             axes = [places[name] for name in ("plan", "height", "attitude")]
         _, (*pair, ax) = frames(axes, 1, 3, (10.5, 5.2))
         describe(ax, shown[2])
-        for item, colour in zip(shown[2].items, COLOURS, strict=False):
-            put(ax, item, color=colour, lw=1.2)
-        ax.legend(fontsize=8, ncols=3)
+        for i, item in enumerate(shown[2].items):
+            assert isinstance(item, Line)
+            put_in_turns(ax, item, i, len(shown[2].items))
         grid(ax)
+        more = [ax]
     else:
-        pair = axes
+        pair, more = axes, []
     figure, (plan, height) = plan_and_height(pair, shown[:2])
     way, start = shown[0].items
     put(plan, way, color=COLOURS[0], lw=1.4)
-    put(plan, start, color=COLOURS[1], marker="o", ls="")
-    plan.legend(fontsize=8)
+    put(plan, start, color=COLOURS[3], marker="o", ls="")
     put(height, shown[1].items[0], color=COLOURS[0], lw=1.4)
     down = trajectory.position[:, 2]
     if np.ptp(down) < _FLAT:  # else the axis shows rounding
         height.set_ylim(-down.mean() - _FLAT, -down.mean() + _FLAT)
+    legend_below(figure, [plan, height, *more], alone=alone)
     return figure

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
@@ -134,6 +134,23 @@ class Navigation(Drawable):
         ('free.csv', 'free.kml')
         """
         return save_navigation(self, path, origin=origin, start=start, interval=interval)
+
+    def plot(self, *, sigmas: float = 3.0, axes: GivenAxes | None = None) -> Figure:
+        """Draw the track with the fixes, and what the filter says of its uncertainty.
+
+        Parameters
+        ----------
+        sigmas
+            Size of ellipses and bounds in standard deviations.
+        axes
+            Two Axes to draw into, plan and height; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_navigation`.
+        """
+        return self._draw(sigmas=sigmas, axes=axes)
 
     def __repr__(self) -> str:
         last = self.sd[-1]

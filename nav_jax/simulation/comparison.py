@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.saved import AsDataset
 from gmwm_jax._internal.states import saved
 from nav_jax.simulation._dataset import join_models, runs_to_dataset
@@ -98,6 +98,29 @@ class Comparison(Drawable, AsDataset):
             Fewer than two common runs, or a time outside the runs.
         """
         return rank(self.runs, self.epoch(at), level)
+
+    def plot(
+        self, *, at: float | None = None, level: float = 0.95, log: bool = True, axes: GivenAxes | None = None
+    ) -> Figure:
+        """Draw all models at a glance: mean errors, consistency, and which differences are real.
+
+        Parameters
+        ----------
+        at
+            Time in s at which they are judged, see `table`.
+        level
+            Of all bands and intervals.
+        log
+            Logarithmic errors, by which a filter with and without GNSS fits into one frame; else linear ones.
+        axes
+            Six Axes to draw into; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_comparison`.
+        """
+        return self._draw(at=at, level=level, log=log, axes=axes)
 
     def __repr__(self) -> str:
         names = ", ".join(self.runs)

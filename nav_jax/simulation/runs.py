@@ -1,6 +1,6 @@
 """Monte Carlo runs of one filter model: errors, what the filter said of them, innovations, and what became of each."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from jaxtyping import Bool, Float64, Integer
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.saved import AsDataset
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.stores import import_xarray
@@ -199,6 +199,34 @@ class Runs(Drawable, AsDataset):
             known = Status(status).sentence if status in list(Status) else f"status {status}"
             text += f", {np.count_nonzero(self.status == status)} failed ({known})"
         return text
+
+    def plot(
+        self,
+        *,
+        blocks: Sequence[str] = ("position",),
+        max_runs: int = 50,
+        sigmas: float = 3.0,
+        axes: GivenAxes | None = None,
+    ) -> Figure:
+        """Draw errors of the runs with the bounds of the filter.
+
+        Parameters
+        ----------
+        blocks
+            A column each: ``position``, ``velocity``, ``attitude``.
+        max_runs
+            At most so many runs are drawn; the bounds are of all.
+        sigmas
+            Bounds are that many standard deviations away.
+        axes
+            Three Axes a block to draw into, of shape (3, blocks); a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_errors`.
+        """
+        return self._draw(blocks=blocks, max_runs=max_runs, sigmas=sigmas, axes=axes)
 
     def __repr__(self) -> str:
         """RMS errors beside what the filter says of them, at the judged epoch."""

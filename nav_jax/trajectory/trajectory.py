@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from gmwm_jax._internal.checks import increasing, number, real_array, require_x64, sampling_rate
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
@@ -243,6 +243,23 @@ class Trajectory(Drawable):
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def plot(self, *, attitude: bool = True, axes: GivenAxes | None = None) -> Figure:
+        """Draw plan, height and attitude.
+
+        Parameters
+        ----------
+        attitude
+            Whether roll, pitch and yaw are drawn too.
+        axes
+            Two Axes to draw into, with the attitude three; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_trajectory`.
+        """
+        return self._draw(attitude=attitude, axes=axes)
 
     def __repr__(self) -> str:
         speed = np.linalg.norm(self.velocity, axis=1)

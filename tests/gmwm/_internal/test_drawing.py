@@ -1,5 +1,6 @@
 """Results draw themselves by the figures of their package, without pyplot and from several threads."""
 
+import inspect
 import subprocess
 import sys
 import time
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 
 import gmwm_jax as gj
 import nav_jax as nj
+from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.drawing import Drawable, registry
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -44,6 +46,28 @@ def test_every_result_that_draws_itself_has_a_figure(package, least):
     assert len(results) >= least
     for result in results:
         assert package.plotting.draw.dispatch(result) is not package.plotting.draw.dispatch(object), result
+
+
+@pytest.mark.parametrize("package", [gj, nj])
+def test_options_of_a_figure_are_seen_in_help(package):
+    """Every one by its name, with the default of the function that draws, and described."""
+    for result in drawables(package.__name__):
+        if result is Channels:  # of several figures
+            continue
+        _, *wanted = inspect.signature(package.plotting.draw.dispatch(result)).parameters.values()
+        _, *found = inspect.signature(result.plot).parameters.values()
+        assert [(p.name, p.default, p.kind) for p in found] == [(p.name, p.default, p.kind) for p in wanted], result
+        assert "axes" in {p.name for p in found}
+        assert not any(p.kind == p.VAR_KEYWORD for p in found)
+        for p in found:
+            assert f"\n{p.name}\n    " in inspect.cleandoc(result.plot.__doc__), (result, p.name)
+
+
+def test_several_channels_have_the_options_of_any():
+    _, *found = inspect.signature(Channels.plot).parameters.values()
+    figures = [name for name in dir(gj.plotting) if name in ("plot_fits", "plot_selections", "plot_joint_fits")]
+    known = {p for name in figures for p in list(inspect.signature(getattr(gj.plotting, name)).parameters)[1:]}
+    assert {p.name for p in found} == known == {"datasheet", "axes"}
 
 
 @pytest.mark.parametrize("package", [gj, nj])

@@ -111,7 +111,7 @@ def test_figure(boot):
     assert [ax.get_xlabel() for ax in figure.axes] == [
         "WN sigma2 [(1)²]", "GM beta [1/sample]", "GM variance [(1)²]"
     ]  # fmt: skip
-    labels = {text.get_text() for text in figure.axes[1].get_legend().get_texts()}
+    labels = {text.get_text() for text in figure.legends[0].get_texts()}
     assert labels == {"replicates", "estimate", "95 % percentile", "95 % theory"}
 
 

@@ -206,12 +206,12 @@ def test_figure(records):
     """The range of the single fits is there where every record can be fitted alone."""
     fit = gj.fit_records(records[:2], "WN + RW")
     assert_shows(fit.plot(), gj.plotting.joint_fit_data(fit))
-    labels = [text.get_text() for text in fit.plot().axes[0].get_legend().get_texts()]
-    assert labels == ["range of single fits", "record 1", "record 2", "joint fit"]
+    labels = [text.get_text() for text in fit.plot().legends[0].get_texts()]
+    assert labels == ["range of single fits", "record 1", "record 2", "joint fit", "95 % interval of one scale"]
     short = {k: getattr(records[1], k)[:1] for k in ("scales", "variance", "ci_low", "ci_high")}
     fit = gj.fit_records([records[0], replace(records[1], **short)], "WN + RW")
-    labels = [text.get_text() for text in fit.plot().axes[0].get_legend().get_texts()]
-    assert labels == ["record 1", "record 2", "joint fit"]
+    labels = [text.get_text() for text in fit.plot().legends[0].get_texts()]
+    assert labels == ["record 1", "record 2", "joint fit", "95 % interval of one scale"]
 
 
 def test_new_numbers_compile_nothing(records, resamples):

@@ -54,7 +54,18 @@ def assert_log_log(ax):
 
 
 def legend(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
+    return texts(ax.get_legend())
+
+
+def below(figure):
+    """The one legend of a figure, which covers none of its frames."""
+    (shared,) = figure.legends
+    assert all(ax.get_legend() is None for ax in figure.axes)
+    return texts(shared)
+
+
+def texts(legend):
+    return [text.get_text() for text in legend.get_texts()]
 
 
 def test_a_short_recording_is_drawn_sample_by_sample(rec):
@@ -73,14 +84,15 @@ def test_a_long_recording_is_drawn_as_ranges_that_leave_no_sample_out(rec):
     x = rec.data[:, 0].copy()
     x[-1], x[17] = 7.0, -5.0  # the last bin is not full
     spiked = gmwm_jax.Recording.from_array(x, rate=100.0, units="rad/s")
-    (ax,) = plot_recording(spiked).axes
+    figure = plot_recording(spiked)
+    (ax,) = figure.axes
     size = 5  # of 9001 samples in at most 2000 bins
     bins = [x[i : i + size] for i in range(0, 9001, size)]
     t = [(i * size + (len(b) - 1) / 2) / 100 for i, b in enumerate(bins)]
     assert_line(ax, "mean of 5 samples", t, [b.mean() for b in bins])
     middle = [(i * size / 100 + (i * size + len(b) - 1) / 100) / 2 for i, b in enumerate(bins)]  # rounded as there
     assert_band(ax, middle, [b.min() for b in bins], [b.max() for b in bins])
-    assert legend(ax) == ["min .. max", "mean of 5 samples"]
+    assert below(figure) == ["min .. max", "mean of 5 samples"]
     assert ax.get_ylim()[0] < -5
     assert ax.get_ylim()[1] > 7
 
@@ -153,12 +165,14 @@ def test_allan_deviation(wv):
         assert_log_log(ax)
         assert ax.get_xlabel() == "averaging time T [s]"
     assert (gyro.get_ylabel(), accel.get_ylabel()) == ("Allan deviation [rad/s]", "Allan deviation [m/s²]")
-    assert legend(gyro) == ["gyro_x", "gyro_y"]
+    marks = [f"{symbol} is read here" for symbol in "NBK"]
+    assert [label for label in legend(gyro) if label not in marks] == ["gyro_x", "gyro_y"]
     read = gmwm_jax.fitting.read_off(adev["accel_x"], datasheet=True)
     known = [
         f"{e.symbol} {'≤' if 'upper' in e.note else '='} {e.value:.4g} {e.unit}" for e in read if e.value == e.value
     ]
-    assert legend(accel) == ["overlapping Allan deviation", *known]
+    at = [f"{e.symbol} is read here" for e in read if e.value == e.value]
+    assert legend(accel) == ["overlapping Allan deviation", *known, *at]
     assert_line(gyro, "gyro_y", adev.times, np.sqrt(2 * wv.variance[:, 1]))
     assert_line(accel, "overlapping Allan deviation", wv.scales / 200, np.sqrt(2 * wv.variance[:, 2]))
     one = adev["accel_x"]
@@ -170,14 +184,16 @@ def test_what_is_read_off_the_allan_deviation_is_drawn(wv):
     adev = gmwm_jax.allan_deviation(wv["gyro_x"])
     table = gmwm_jax.fitting.read_off(adev)
     (ax,) = plot_allan_deviation(adev).axes
-    lines = {label[0]: line(ax, label) for label in legend(ax)[1:]}
+    lines = {label[0]: line(ax, label) for label in legend(ax)[1:] if "here" not in label}
     assert lines
     shapes = {"N": adev.times**-0.5, "B": 0.66428 * np.ones_like(adev.times), "K": np.sqrt(adev.times / 3)}
     for symbol, drawn in lines.items():
         np.testing.assert_allclose(drawn.get_ydata(), table["Allan", symbol].value * shapes[symbol], rtol=1e-4)
         touches = np.isclose(drawn.get_ydata(), adev.deviation, rtol=1e-9)
         assert touches.any()
-    assert [text.get_text() for text in ax.texts] == list(lines)
+        ((x, y),) = line(ax, f"{symbol} is read here").get_xydata()
+        assert (x, y) in zip(adev.times[touches], drawn.get_ydata()[touches], strict=True)
+    assert not ax.texts  # it would be over the curve
     (bare,) = plot_allan_deviation(adev, readings=False).axes
     assert legend(bare) == ["overlapping Allan deviation"]
     short = gmwm_jax.allan_deviation(gmwm_jax.wavelet_variance(np.random.default_rng(1).normal(size=10), rate=1.0))
@@ -211,13 +227,15 @@ def test_fit(fits):
     at = np.searchsorted(curve.get_xdata(), wv.times * (1 - 1e-9))[[0, -1]]
     np.testing.assert_allclose(curve.get_xdata()[at], wv.times[[0, -1]], rtol=1e-12)
     np.testing.assert_allclose(curve.get_ydata()[at], fit.fitted[[0, -1]], rtol=1e-12)
-    parts = [line(top, label).get_ydata() for label in fit.model.labels if label in legend(top)]
+    parts = [line(top, label).get_ydata() for label in fit.model.labels if label in below(figure)]
     np.testing.assert_allclose(np.sum(parts, axis=0), curve.get_ydata(), rtol=1e-10)
     np.testing.assert_allclose(
         line(top, "datasheet").get_ydata(), np.asarray(DATASHEET.wavelet_variance(wv.scales)), rtol=1e-12
     )
-    assert legend(top)[:2] == ["wavelet variance", "fit"]
-    assert [label.removesuffix(": zero") for label in legend(top)[2:]] == ["WN", "GM", "RW", "datasheet"]
+    labels = below(figure)
+    assert labels[:2] == ["wavelet variance", "fit"]
+    parts = [label.removesuffix(": zero") for label in labels[2:]]
+    assert parts == ["WN", "GM", "RW", "datasheet", "95 % interval of one scale"]
     assert top.get_ylabel() == "wavelet variance [(rad/s)²]"
     assert top.get_title() == f"simulated mti-g, gyro_x: WN + GM + RW, objective {fit.objective:.5g}"
     assert bottom.get_xlabel() == "scale τ [s]"
@@ -236,7 +254,7 @@ def test_fit_says_which_components_are_zero():
     nu = tau**-1.1  # less than white noise at long scales: nothing is left for a drift
     fit = gmwm_jax.fit(gmwm_jax.variance.WaveletVariance.from_table(tau, nu, nu / 2, nu * 2), "WN + DR")
     assert fit.at_boundary == {"DR": "at boundary: zero"}
-    assert "DR: zero" in legend(plot_fit(fit).axes[0])
+    assert "DR: zero" in below(plot_fit(fit))
 
 
 def test_fits_have_a_panel_a_channel_and_one_legend(fits):

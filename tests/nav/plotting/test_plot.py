@@ -61,8 +61,11 @@ def assert_line(ax, label, x, y):
     np.testing.assert_allclose(line(ax, label).get_ydata(), y, rtol=1e-12)
 
 
-def legend(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
+def below(figure):
+    """Texts and title of the one legend of a figure, which covers none of its frames."""
+    (shared,) = figure.legends
+    assert all(ax.get_legend() is None for ax in figure.axes)
+    return [text.get_text() for text in shared.get_texts()], shared.get_title().get_text()
 
 
 def spans(ax):
@@ -144,16 +147,76 @@ def test_unknown_blocks_are_named():
 def test_sensor_states_say_where_there_is_none():
     r = make_runs(num_runs=12, axes=(0, 1, 2, 5))
     axes = np.array(plot_sensor_states(r).axes).reshape(3, 2)
-    silent = [[any(t.get_text() == "no state" for t in ax.texts) for ax in row] for row in axes]
+    silent = [[ax.get_title(loc="right") == "no state" for ax in row] for row in axes]
     assert silent == [[False, True], [False, True], [False, False]]
     assert_line(axes[2, 1], "±3 sd", r.time, 3 * DEGREES * 3600 * r.sd[0, :, 14])
-    assert_line(axes[1, 0], "runs", r.time, 1e3 * r.error[0, :, 10])
+    (raw,) = (ax for ax in plot_sensor_states(r, average=0).axes if ax.get_ylabel() == "y [mm/s²]")
+    assert_line(raw, "runs", r.time, 1e3 * r.error[0, :, 10])
     assert (axes[0, 0].get_ylabel(), axes[0, 1].get_ylabel()) == ("x [mm/s²]", "x [deg/h]")
+
+
+def test_a_slow_bias_is_seen_through_white_noise():
+    """Running means and their quantiles are those of the bias; without them noise hides it."""
+    r = make_runs(num_runs=40)
+    rng = np.random.default_rng(3)
+    bias = np.linspace(-1.0, 1.0, 40)[:, None] * np.ones(101)
+    error = r.error.copy()
+    error[:, :, 12] = (bias + 20 * rng.standard_normal((40, 101))) / (DEGREES * 3600)  # gyroscope x
+    r = replace(r, error=error, sd=np.where(np.arange(15) == 12, 20 / (DEGREES * 3600), r.sd))
+    shown = plotting.sensor_states_data(r, average=25.0, share=0.5)[1]
+    band = next(item for item in shown.items if isinstance(item, plotting.Band))
+    raw = next(i for i in plotting.sensor_states_data(r, average=0, share=0.5)[1].items if isinstance(i, plotting.Band))
+    assert band.label == "50 % of the runs"
+    assert np.mean(band.high - band.low) < 0.35 * np.mean(raw.high - raw.low)
+    one = next(item for item in shown.items if item.label == "30 runs")
+    x = DEGREES * 3600 * error[0, :, 12]
+    np.testing.assert_allclose(one.y[50], x[38:63].mean())  # 12 epochs to each side
+    np.testing.assert_allclose(one.y[0], x[:13].mean())
+    # bounds of what is fast would press it flat: they are said instead
+    r = replace(r, sd=np.where(np.arange(15) == 12, 9000 / (DEGREES * 3600), r.sd))
+    ax = plot_sensor_states(r, average=25.0).axes[1]
+    assert ax.get_ylim()[1] < 100
+    assert ax.get_title(loc="right") == "±3 sd is ±2.7e+04 deg/h, beyond the frame"
+    with pytest.raises(ValueError, match="share is 1"):
+        plot_sensor_states(r, share=1.0)
+    with pytest.raises(ValueError, match="average is -1"):
+        plot_sensor_states(r, average=-1.0)
+
+
+def test_errors_before_an_outage_are_not_pressed_flat():
+    r = make_runs(num_runs=12)
+    away = 1 + 99.0 * ((r.time > OUTAGE[0]) & (r.time <= OUTAGE[1]))
+    r = replace(r, sd=r.sd * away[:, None], error=r.error * away[:, None])
+    figure = plot_errors(r)
+    assert_shows(figure, plotting.errors_data(r))
+    for ax, column in zip(figure.axes, (1, 0, 2), strict=True):
+        assert ax.get_yscale() == "symlog"
+        bound = 3 * r.sd[0, 0, column]
+        height = np.ptp(ax.transData.transform([(0, -bound), (0, bound)])[:, 1])
+        assert height > 0.2 * ax.get_window_extent().height  # linear it would be a hundredth
+
+
+def test_no_curve_hides_another(reference):
+    """Of models that are the same to the last digit, each is seen in its colour along its part of the way."""
+    models = {name: make_runs(name, 6) for name in ("a", "b", "c", "d")}
+    for figure in (plot_mean_errors(models), plot_consistency(models, groups=("pose",))):
+        figure.canvas.draw()
+        pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+        for ax in figure.axes:
+            colours = {line(ax, name).get_color() for name in models}
+            assert len(colours) == 4
+            box = ax.get_window_extent()
+            inside = pixels[::-1][round(box.y0) : round(box.y1), round(box.x0) : round(box.x1)]
+            for colour in colours:
+                rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+                assert np.count_nonzero(np.abs(inside - rgb).max(axis=-1) < 12) > 50, (ax.get_title(), colour)
 
 
 @pytest.mark.parametrize("log", [False, True])
 def test_mean_errors_with_bands(comparison, log):
-    left, right = plot_mean_errors(comparison, log=log).axes
+    figure = plot_mean_errors(comparison, log=log)
+    left, right = figure.axes
+    assert below(figure) == (["right", "near", "poor", "outage"], f"{N - 1} runs; 95 % interval of the mean")
     for ax, columns, factor in ((left, slice(0, 3), 1.0), (right, slice(6, 9), DEGREES)):
         for position, (name, r) in enumerate(comparison.runs.items()):
             length = factor * np.linalg.norm(r.error[good(r), :, columns], axis=-1)
@@ -165,14 +228,14 @@ def test_mean_errors_with_bands(comparison, log):
                 distances = np.abs(corners[None, :, :] - np.stack([r.time, edge], -1)[:, None, :]).max(axis=-1)
                 assert distances.min(axis=1).max() < 1e-9
         assert ax.get_yscale() == ("log" if log else "linear")
-        assert legend(ax) == ["right", "near", "poor", "outage"]
-        assert ax.get_legend().get_title().get_text() == f"{N - 1} runs, band: 95 % interval"
         assert_outage_is_shaded(ax)
     assert (left.get_ylabel(), right.get_ylabel()) == ("mean position error [m]", "mean orientation error [deg]")
 
 
 def test_consistency_with_the_bands_of_a_consistent_filter(comparison):
-    axes = np.array(plot_consistency(comparison, groups=("pose", "sensors")).axes).reshape(2, 2)
+    figure = plot_consistency(comparison, groups=("pose", "sensors"))
+    axes = np.array(figure.axes).reshape(2, 2)
+    assert below(figure)[0] == ["consistent", "right", "near", "poor", "outage"]
     n = N - 1
     for column, (group, dof) in enumerate((("pose", 6), ("sensors", 6))):
         top, bottom = axes[:, column]
@@ -189,11 +252,12 @@ def test_consistency_with_the_bands_of_a_consistent_filter(comparison):
         inside = np.mean(
             np.abs(scipy.stats.chi2(dof * n).cdf(n * squares.mean(axis=0)) - 0.5) < 0.475  # of each epoch
         )
-        assert f"right: {100 * inside:.0f} % inside" in legend(top)
+        assert f"inside: right {100 * inside:.0f} %, near" in top.get_title()
+        assert bottom.get_ylim() == (0, 1)
     # far off: in a logarithmic frame; without states: not there
     assert axes[0, 0].get_yscale() == "log"
     assert axes[0, 1].get_yscale() == "linear"
-    assert not any(label.startswith("poor") for label in legend(axes[0, 1]))
+    assert "poor" not in axes[0, 1].get_title()
 
 
 def test_a_group_that_no_model_has(reference):
@@ -213,7 +277,7 @@ def test_innovations(comparison):
     for ax, (sensor, dof) in zip(figure.axes, {"gnss": 3, "baro": 1}.items(), strict=True):
         r = comparison["near"]
         assert_line(ax, "near", r.nis_time[sensor], r.nis[sensor][good(r)].mean(axis=0) / dof)
-        assert ax.get_title() == sensor
+        assert ax.get_title().startswith(f"{sensor}\ninside: right ")
         assert_outage_is_shaded(ax)
     assert len(plot_nis(comparison["right"], sensors=["baro"]).axes) == 1
     with pytest.raises(ValueError, match="no innovations of sonar, only of gnss, baro"):
@@ -237,13 +301,18 @@ def test_the_overview(comparison):
     table = comparison.table()
     drawn = {tuple(c.lines[0].get_xydata()[0]) for c in pairs.containers}
     assert drawn == {(one.paired.difference, row) for row, one in enumerate(table[1:])}
-    for text, one in zip(pairs.texts, table[1:], strict=True):
+    for text, one in zip(pairs.get_yticklabels(), table[1:], strict=True):
         assert one.model in text.get_text()
-        assert one.verdict in text.get_text()
+        assert one.verdict in text.get_text().replace("\n", " ")
+    assert not any(ax.texts for ax in figure.axes)  # they would be over curves
+    assert below(figure)[0] == ["right", "near", "poor", "outage", "consistent"]
+    assert covered.get_ylim() == (0, 1)
+    assert {ax.get_yscale() for ax in (position, orientation, score)} == {"log"}
+    assert {ax.get_yscale() for ax in comparison.plot(log=False).axes[:3]} == {"linear"}
     for ax in (position, orientation, score, nees, covered):
         assert_outage_is_shaded(ax)
         assert any(np.all(np.asarray(one.get_xdata()) == table.time) for one in ax.lines)
-    assert figure.get_suptitle() == f"{N - 1} common runs along figure of eight; truth: MTi-G"
+    assert figure.get_suptitle() == f"{N - 1} common runs along figure of eight"
 
 
 def test_the_overview_of_one_model(reference):
@@ -275,7 +344,8 @@ def test_the_overview_shows_its_data(reference):
     assert [frame.y.unit for frame in shown[:5]] == ["m", "deg", "m", "1", "1"]
     best, *bars = shown[5].items
     table = c.table(20.0)
-    assert best.label.startswith(table[0].model)
+    assert best.at == 0
+    assert shown[5].x.label.startswith(f"position error minus that of {table[0].model}, ")
     for bar, one, name in zip(bars, table[1:], shown[5].y.names, strict=True):
         assert [bar.low[0], bar.x[0], bar.high[0]] == [one.paired.low, one.paired.difference, one.paired.high]
         assert name.startswith(one.model)

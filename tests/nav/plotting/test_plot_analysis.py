@@ -170,14 +170,15 @@ def test_what_a_calibration_leaves_open():
     low, high = c.interval("position")
     for edge in (low, high):
         assert np.abs(band[None, :, 1] - edge[:, None]).min(axis=1).max() < 1e-12
-    assert_line(lines(loss, "-")[0], np.ones(len(TIME)))
+    assert_line(lines(loss, "--")[0], np.ones(len(TIME)))
     assert draws.get_xlabel() == f"RMS error at {JUDGED:g} s [m]"
     assert sum(patch.get_height() for patch in draws.patches) == 50
-    assert texts(draws.get_legend()) == ["draws", "estimate", "95 % interval"]
-    assert texts(over_time.get_legend()) == ["95 % of the draws", "estimate", "outage"]
-    half = plot_calibration(c, quantities=("tilt",), level=0.5).axes
-    assert len(half) == 3
-    assert texts(half[0].get_legend())[0] == "50 % of the draws"
+    assert texts(figure.legends[0]) == [
+        "95 % of the draws", "estimate", "outage", "mean over the draws", "draws", "95 % interval",
+    ]  # fmt: skip
+    half = plot_calibration(c, quantities=("tilt",), level=0.5)
+    assert len(half.axes) == 3
+    assert texts(half.legends[0])[0] == "50 % of the draws"
 
 
 def test_states_against_errors():
@@ -200,7 +201,7 @@ def test_states_against_errors():
     front = next(one for one in loss.lines if one.get_label() == "Pareto front")
     np.testing.assert_array_equal(front.get_ydata(), [3, 1, 0.5])
     assert [t.get_text() for t in loss.texts] == ["0+0", "1+0", "0+1", "1+1?"]
-    assert "Pareto front" in texts(loss.get_legend())
+    assert "Pareto front" in texts(figure.legends[0])
 
 
 def test_parameters_before_and_after_a_tuning():
