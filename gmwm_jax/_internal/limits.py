@@ -118,7 +118,7 @@ def as_bytes(size: int) -> str:
     """A number of bytes for a sentence: ``4.3 GB``."""
     for unit, name in (("t", "TB"), ("g", "GB"), ("m", "MB"), ("k", "kB")):
         if size >= _UNITS[unit]:
-            return f"{size / _UNITS[unit]:,.3g} {name}" if size < 1000 * _UNITS[unit] else f"{size:.3g} bytes"
+            return f"{size / _UNITS[unit]:.3g} {name}"
     return f"{size} bytes"
 
 

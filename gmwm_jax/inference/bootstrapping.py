@@ -14,6 +14,7 @@ from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
@@ -21,6 +22,7 @@ from gmwm_jax.fitting.refit import refit
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.inference.intervals import continuous_intervals, interval, replicates_needed
+from gmwm_jax.processes.simulation import bytes_of_draw
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
 if TYPE_CHECKING:
@@ -243,6 +245,12 @@ def bootstrap(
         raise ValueError(f'There is no theory of the scatter of {fit.model}: take route="{RECORDS}".')
     if np.any(fit.fitted <= 0):
         raise ValueError(f"{fit.model} has no variance at some scale: there is nothing to replicate.")
+    num_values = sum(len(p.parameters) for p in fit.model.processes)
+    # its key, variances and their copy, parameters, and what became of it
+    most = FLOAT * num_replicates * (4 + 2 * fit.wv.num_scales + num_values)
+    if route == RECORDS:
+        most += min(CHUNK, num_replicates) * bytes_of_draw(fit.model, fit.wv.num_samples or 0)
+    require_memory(most, f"{num_replicates} replicates", "ask for fewer (num_replicates)")
     keys = numbered_keys(key, range(num_replicates))
     if route == VARIANCES:
         draw = theory_draws(fit.model, fit.wv, np.asarray(fit.wv_covariance))

@@ -24,6 +24,7 @@ from jaxtyping import Bool, Float
 from scipy.special import stdtr, stdtrit
 
 from gmwm_jax._internal.checks import confidence, integer, require_x64, typed_key
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.standard_errors import evaluate
@@ -237,6 +238,10 @@ def resample_records(joint: JointFit, limit: int = 500, *, key: PRNGKey | None =
     R = len(joint.records)
     there_are = math.comb(2 * R - 1, R)
     exact = there_are <= limit
+    num_sets = min(limit, there_are)
+    # how often each record is in a set, the sum of its weights, and its factor in the joint fit
+    most = FLOAT * num_sets * (2 * R + 2 * math.prod(joint.pool.omegas.shape[1:]))
+    require_memory(most, f"{num_sets} sets of {R} records", "lower the limit")
     if exact:
         counts = np.array([np.bincount(c, minlength=R) for c in combinations_with_replacement(range(R), R)])
         arrangements = [math.factorial(R) / math.prod(math.factorial(int(n)) for n in row) for row in counts]

@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, stream_keys, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.inference.bootstrapping import CHUNK, RECORDS, VARIANCES
 from gmwm_jax.multisignal._pool import Pool
@@ -122,6 +123,9 @@ def near_stationarity(
     typed_key(key)
     joint = one_channel(joint, "near_stationarity")
     num_replicates = integer("num_replicates", num_replicates, 1)
+    # its key, and a chunk of variances of each record; the objectives are few
+    most = FLOAT * (4 * num_replicates + CHUNK * len(joint.records) * joint.wv.num_scales)
+    require_memory(most, f"{num_replicates} replicates", "ask for fewer (num_replicates)")
     draws = _draws(joint, route)
     keys = numbered_keys(key, range(num_replicates))
     done: list[tuple[np.ndarray, np.ndarray]] = []

@@ -39,6 +39,10 @@ _TERM = re.compile(
 _ARGUMENT = re.compile(rf"\s*(?P<name>\w+)\s*=\s*(?P<value>{_NUMBER})\s*(?P<fixed>fixed)?\s*")
 
 
+MAX_PROCESSES = 100
+"""Of a model: a fit tells some six apart, and approximations of one process by many take a few dozen."""
+
+
 def parse_model(text: str) -> Composite:
     """Read a model from text.
 
@@ -73,15 +77,26 @@ def parse_model(text: str) -> Composite:
         cls = process_class(term["kind"], f" in the model {text!r}")
         kind = cls.kind
         arguments = _arguments(term["arguments"] or "", cls, text)
-        if term["count"] and int(term["count"]) == 0:
+        count = _count(term["count"])
+        if count == 0:
             raise ValueError(f"The model {text!r} takes {kind} 0 times: leave it out.")
-        processes += [cls(**arguments) for _ in range(int(term["count"] or 1))]
+        if len(processes) + count > MAX_PROCESSES:
+            raise ValueError(
+                f"The model {text!r:.80} has more than {MAX_PROCESSES} processes: the longest record has some 30 "
+                "scales, which do not tell half as many apart."
+            )
+        processes += [cls(**arguments) for _ in range(count)]
         at = term.end()
         if at == len(text):
             return Composite(processes)
         if text[at] != "+":
             raise ValueError(f"Cannot read the model {text!r} from {text[at:]!r} on: expected '+'.")
         at += 1
+
+
+def _count(written: str | None) -> int:
+    """How often a process is taken; a number of a thousand digits is too many, whichever it is."""
+    return 1 if not written else int(written) if len(written) < 10 else MAX_PROCESSES + 1
 
 
 def process_class(kind: str, where: str = "") -> type[AbstractProcess]:

@@ -7,13 +7,18 @@ from typing import SupportsIndex
 
 import equinox as eqx
 import jax
+import jax.core
 from jax import Array
 from jaxtyping import Float, Key
 
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes.base import AbstractProcess, Composite, sum_arrays
 from gmwm_jax.processes.registry import as_model
+
+_WHILE_DRAWN = 3
+"""Arrays of the length of the record: random bits, normal deviates, and what a recursion makes of them."""
 
 
 def simulate(
@@ -57,6 +62,8 @@ def simulate(
     for process in model.processes:
         process.require_complete()
     num = integer("num_samples", num_samples, 1)
+    if not isinstance(key, jax.core.Tracer):
+        require_memory(bytes_of_draw(model, num), f"{num} samples of {model}", "draw fewer samples")
     seen: Counter[str] = Counter()
     parts = []
     for process in model.processes:
@@ -64,6 +71,11 @@ def simulate(
         stream = jax.random.fold_in(key, zlib.crc32(f"{process.kind}:{seen[process.kind]}".encode()))
         parts.append(_draw(process, num, stream))
     return sum_arrays(parts)
+
+
+def bytes_of_draw(model: Composite, num_samples: int) -> int:
+    """Memory of a draw: the record, each component, and the arrays of one while it is drawn."""
+    return FLOAT * num_samples * (1 + len(model.processes) + _WHILE_DRAWN)
 
 
 @partial(jax.jit, static_argnums=2)

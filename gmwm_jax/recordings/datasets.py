@@ -15,13 +15,14 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from gmwm_jax._internal.checks import typed_key
+from gmwm_jax._internal.checks import integer, typed_key
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.datasheet import from_datasheet
 from gmwm_jax.processes.registry import parse_model
-from gmwm_jax.processes.simulation import simulate
+from gmwm_jax.processes.simulation import bytes_of_draw, simulate
 from gmwm_jax.recordings._public_files import KNOWN_FILES, KnownFile, sha256
 from gmwm_jax.recordings._sensors import SENSORS, Sensor
 from gmwm_jax.recordings.files import read_recording
@@ -231,6 +232,10 @@ def simulated(
             raise ValueError(f"{sensor} has no channel {channel!r}; it has {', '.join(models)}.")
     key = jax.random.key(0) if key is None else key
     typed_key(key)
+    num = integer("num_samples", num_samples, 1)
+    kept = 2 * FLOAT * num * len(chosen)  # the columns, and side by side
+    most = kept + max(bytes_of_draw(models[c], num) for c in chosen)
+    require_memory(most, f"{num} samples of {len(chosen)} channels", "draw fewer samples (num_samples) or channels")
     columns = [
         np.asarray(simulate(models[c], num_samples, key=jax.random.fold_in(key, zlib.crc32(c.encode()))))
         for c in chosen

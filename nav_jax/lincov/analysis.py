@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -297,6 +298,12 @@ def analyse(
     motion = motion_of(setup.experiment)
     # always given: with or without it there is one program
     initial = scenario.initial if believed_initial is None else believed_initial
+    segments = len(setup.schedule.pattern)
+    require_memory(
+        FLOAT * segments * (2 + 2 * len(filters)) * JUDGED.size**2,  # true and claimed; of one filter twice on the way
+        f"Covariances of {len(filters)} filters in {segments} segments",
+        "take a larger output_interval of the scenario, or fewer fixes",
+    )
     found = {
         name: covariances_of(
             setup,

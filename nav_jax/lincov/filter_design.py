@@ -211,6 +211,11 @@ class Design(Drawable, Saved, Labelled):
         return f"{title}\n{self.table()}"
 
 
+MAX_PROCESSES = 10
+"""Gauss-Markov processes of an axis that a designed filter may have: one for each decade of correlation times is
+plenty, and from a sample to the length of a flight there are fewer than ten."""
+
+
 def design(
     scenario: Scenario | Sequence[Scenario],
     truth: ImuErrors,
@@ -273,7 +278,13 @@ def design(
         raise ValueError("Give at least one scenario.")
     if objective not in OBJECTIVES:
         raise ValueError(f"The objective is one of {', '.join(OBJECTIVES)}, and is {objective!r}.")
-    family = Family(truth, integer("max_accel", max_accel, 0), integer("max_gyro", max_gyro, 0))
+    for name, most in (("max_accel", max_accel), ("max_gyro", max_gyro)):
+        if integer(name, most, 0) > MAX_PROCESSES:
+            raise ValueError(
+                f"{name} is {MAX_PROCESSES} processes an axis at most, and is {most}: each number up to it is a search "
+                "of its own, for every number of the other sensor."
+            )
+    family = Family(truth, max_accel, max_gyro)
     num_starts, max_steps = integer("num_starts", num_starts, 1), integer("max_steps", max_steps, 1)
     structures = [
         s

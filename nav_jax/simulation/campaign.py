@@ -17,6 +17,7 @@ from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.interrupts import AbandonableExecutor
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.progress import progress_bar
 from nav_jax.filter.experiment import (
     GAINS,
@@ -188,6 +189,9 @@ def compare(
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
     setup = Setup(scenario, check_rates(truth, filters))
     on_cpu = jax.default_backend() == "cpu"
+    what = f"{num_runs} runs of {len(filters)} filters with {len(setup.output_times)} epochs each"
+    make_smaller = "ask for fewer runs, or for fewer epochs by a larger output_interval of the scenario"
+    require_memory(len(filters) * _Collected.bytes_of(setup, num_runs), what, make_smaller)
     workers = (num_threads() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
@@ -296,6 +300,13 @@ class _Collected:
         fixes = [len(s) for s in setup.fix_segments]
         self.innovation = [np.empty((num_runs, F, K)) for F, K in zip(fixes, self.sizes, strict=True)]
         self.nis = [np.empty((num_runs, F)) for F in fixes]
+
+    @staticmethod
+    def bytes_of(setup: Setup, num_runs: int) -> int:
+        """Memory of all arrays: error, sd, covariance and NEES at each epoch; innovation and NIS at each fix."""
+        epochs = len(setup.output_times) * (2 * JUDGED.size + 9 + len(GROUPS))
+        fixes = sum(len(f) * (len(s.axes) + 1) for s, f in zip(setup.aiding, setup.fix_segments, strict=True))
+        return FLOAT * num_runs * (1 + epochs + fixes)
 
     def take(self, first: int, output: Any) -> None:
         """Put a chunk in its place; runs are its last axis."""

@@ -22,6 +22,7 @@ from scipy.interpolate import make_interp_spline
 
 from gmwm_jax._internal.checks import as_float, number, real_array, require_x64, sampling_rate
 from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.units import STANDARD_GRAVITY
@@ -36,6 +37,10 @@ MetresPerSecond = Annotated[Real, "m/s"]
 MetresPerSecondSquared = Annotated[Real, "m/s^2"]
 Radians = Annotated[Real, "rad"]
 Attitude = str | Sequence[Radians] | np.ndarray
+
+_PER_EPOCH = 56
+"""Numbers in memory for each epoch while a motion is made, measured: time, position, velocity, acceleration and
+attitude, their checked copies, and the derivatives on the way."""
 
 _ENDS = 1e-6
 """Fraction of a sample by which the duration may miss a whole number of them."""
@@ -391,6 +396,8 @@ def _times(duration: Real, rate: Real) -> np.ndarray:
         raise ValueError(
             f"{duration:g} s at {f:g} Hz are {samples:.6g} samples: the duration is a whole number of them."
         )
+    what = f"A trajectory of {duration:g} s at {f:g} Hz"
+    require_memory(FLOAT * _PER_EPOCH * count, what, "take a shorter duration or a lower rate")
     return np.arange(count + 1) / f
 
 

@@ -372,3 +372,11 @@ def test_a_search_that_stalls_is_told(records, monkeypatch):
     with pytest.raises(RuntimeError, match="x: stopped at the step limit"):
         gj.fit_records(records, "WN + GM")
     assert gj.fit_records(records, "WN + GM", throw=False).status is gj.fitting.Status.stalled
+
+
+def test_more_than_the_memory_holds_is_refused(joint, monkeypatch):
+    with pytest.raises(ValueError, match=r"10000000000000 replicates would take about 320 TB .* \(num_replicates\)"):
+        gj.multisignal.near_stationarity(joint, 10**13, key=jax.random.key(0))
+    monkeypatch.setenv("GMWM_JAX_MAX_MEMORY", "100")
+    with pytest.raises(ValueError, match=r"sets of \d records would take about .* kB of memory.*lower the limit"):
+        gj.multisignal.resample_records(joint)
