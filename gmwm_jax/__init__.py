@@ -29,59 +29,53 @@ IEEE Std 952-1997, annex C. Guide for single-axis interferometric fibre-optic gy
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from gmwm_jax import fitting as fitting
-from gmwm_jax import inference as inference
-from gmwm_jax import multisignal as multisignal
-from gmwm_jax import processes as processes
-from gmwm_jax import regression as regression
-from gmwm_jax import units as units
-from gmwm_jax import variance as variance
-from gmwm_jax._internal.saved import load as load
-from gmwm_jax.fitting import Fit as Fit
-from gmwm_jax.fitting import fit as fit
-from gmwm_jax.inference import bootstrap as bootstrap
-from gmwm_jax.inference import goodness_of_fit as goodness_of_fit
-from gmwm_jax.inference import select as select
-from gmwm_jax.multisignal import fit_records as fit_records
-from gmwm_jax.processes import AR as AR
-from gmwm_jax.processes import AR1 as AR1
-from gmwm_jax.processes import ARMA as ARMA
-from gmwm_jax.processes import BI as BI
-from gmwm_jax.processes import DR as DR
-from gmwm_jax.processes import FGN as FGN
-from gmwm_jax.processes import FLK as FLK
-from gmwm_jax.processes import GM as GM
-from gmwm_jax.processes import MA as MA
-from gmwm_jax.processes import MAT32 as MAT32
-from gmwm_jax.processes import MAT52 as MAT52
-from gmwm_jax.processes import QN as QN
-from gmwm_jax.processes import RW as RW
-from gmwm_jax.processes import SIN as SIN
-from gmwm_jax.processes import WN as WN
-from gmwm_jax.processes import Composite as Composite
-from gmwm_jax.processes import Fixed as Fixed
-from gmwm_jax.processes import from_datasheet as from_datasheet
-from gmwm_jax.processes import parse_model as parse_model
-from gmwm_jax.processes import simulate as simulate
-from gmwm_jax.recordings import Recording as Recording
-from gmwm_jax.recordings import datasets as datasets
-from gmwm_jax.recordings import read_recording as read_recording
-from gmwm_jax.recordings import save_recording as save_recording
-from gmwm_jax.regression import regress as regress
-from gmwm_jax.variance import allan_deviation as allan_deviation
-from gmwm_jax.variance import wavelet_variance as wavelet_variance
-
 if _TYPE_CHECKING:
+    from gmwm_jax import fitting as fitting
+    from gmwm_jax import inference as inference
+    from gmwm_jax import multisignal as multisignal
     from gmwm_jax import plotting as plotting
+    from gmwm_jax import processes as processes
+    from gmwm_jax import recordings as recordings
+    from gmwm_jax import regression as regression
+    from gmwm_jax import units as units
+    from gmwm_jax import variance as variance
+    from gmwm_jax._internal.saved import load as load
+    from gmwm_jax.fitting import Fit as Fit
+    from gmwm_jax.fitting import fit as fit
+    from gmwm_jax.inference import bootstrap as bootstrap
+    from gmwm_jax.inference import goodness_of_fit as goodness_of_fit
+    from gmwm_jax.inference import select as select
+    from gmwm_jax.multisignal import fit_records as fit_records
+    from gmwm_jax.processes import AR as AR
+    from gmwm_jax.processes import AR1 as AR1
+    from gmwm_jax.processes import ARMA as ARMA
+    from gmwm_jax.processes import BI as BI
+    from gmwm_jax.processes import DR as DR
+    from gmwm_jax.processes import FGN as FGN
+    from gmwm_jax.processes import FLK as FLK
+    from gmwm_jax.processes import GM as GM
+    from gmwm_jax.processes import MA as MA
+    from gmwm_jax.processes import MAT32 as MAT32
+    from gmwm_jax.processes import MAT52 as MAT52
+    from gmwm_jax.processes import QN as QN
+    from gmwm_jax.processes import RW as RW
+    from gmwm_jax.processes import SIN as SIN
+    from gmwm_jax.processes import WN as WN
+    from gmwm_jax.processes import Composite as Composite
+    from gmwm_jax.processes import Fixed as Fixed
+    from gmwm_jax.processes import from_datasheet as from_datasheet
+    from gmwm_jax.processes import parse_model as parse_model
+    from gmwm_jax.processes import simulate as simulate
+    from gmwm_jax.recordings import Recording as Recording
+    from gmwm_jax.recordings import datasets as datasets
+    from gmwm_jax.recordings import read_recording as read_recording
+    from gmwm_jax.recordings import save_recording as save_recording
+    from gmwm_jax.regression import regress as regress
+    from gmwm_jax.variance import allan_deviation as allan_deviation
+    from gmwm_jax.variance import wavelet_variance as wavelet_variance
 else:
+    from gmwm_jax._internal.lazy import lazily as _lazily
 
-    def __getattr__(name):
-        """Import the figures, and with them Matplotlib, when somebody asks for them."""
-        if name != "plotting":
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        import gmwm_jax.plotting
-
-        return gmwm_jax.plotting
-
+    __getattr__, __dir__, __all__ = _lazily(__name__)
 
 __version__ = "0.1.0"

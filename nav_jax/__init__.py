@@ -28,51 +28,46 @@ Bar-Shalom, Y., Li, X. R. & Kirubarajan, T. (2001). Estimation with Applications
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from gmwm_jax._internal.saved import load as load
-from nav_jax import aiding as aiding
-from nav_jax import filter as filter
-from nav_jax import imu as imu
-from nav_jax import kinematics as kinematics
-from nav_jax import lincov as lincov
-from nav_jax import recorded as recorded
-from nav_jax import simulation as simulation
-from nav_jax import statistics as statistics
-from nav_jax.aiding import Barometer as Barometer
-from nav_jax.aiding import Fixes as Fixes
-from nav_jax.aiding import GnssPosition as GnssPosition
-from nav_jax.aiding import GnssVelocity as GnssVelocity
-from nav_jax.aiding import Odometer as Odometer
-from nav_jax.filter import InitialUncertainty as InitialUncertainty
-from nav_jax.filter import Scenario as Scenario
-from nav_jax.imu import Imu as Imu
-from nav_jax.imu import ImuErrors as ImuErrors
-from nav_jax.imu import RecordedErrors as RecordedErrors
-from nav_jax.imu import perfect_imu as perfect_imu
-from nav_jax.kinematics import FlatEarth as FlatEarth
-from nav_jax.lincov import analyse as analyse
-from nav_jax.lincov import calibration_effect as calibration_effect
-from nav_jax.lincov import design as design
-from nav_jax.lincov import error_budget as error_budget
-from nav_jax.lincov import sensitivities as sensitivities
-from nav_jax.recorded import navigate as navigate
-from nav_jax.recorded import read_fixes as read_fixes
-from nav_jax.recorded import read_gnss as read_gnss
-from nav_jax.recorded import read_imu as read_imu
-from nav_jax.recorded import tune as tune
-from nav_jax.simulation import compare as compare
-from nav_jax.simulation import monte_carlo as monte_carlo
-from nav_jax.trajectory import Trajectory as Trajectory
-from nav_jax.trajectory import motions as motions
-from nav_jax.trajectory import read_trajectory as read_trajectory
-
 if _TYPE_CHECKING:
+    from gmwm_jax._internal.saved import load as load
+    from nav_jax import aiding as aiding
+    from nav_jax import filter as filter
+    from nav_jax import imu as imu
+    from nav_jax import kinematics as kinematics
+    from nav_jax import lincov as lincov
     from nav_jax import plotting as plotting
+    from nav_jax import recorded as recorded
+    from nav_jax import simulation as simulation
+    from nav_jax import statistics as statistics
+    from nav_jax import trajectory as trajectory
+    from nav_jax.aiding import Barometer as Barometer
+    from nav_jax.aiding import Fixes as Fixes
+    from nav_jax.aiding import GnssPosition as GnssPosition
+    from nav_jax.aiding import GnssVelocity as GnssVelocity
+    from nav_jax.aiding import Odometer as Odometer
+    from nav_jax.filter import InitialUncertainty as InitialUncertainty
+    from nav_jax.filter import Scenario as Scenario
+    from nav_jax.imu import Imu as Imu
+    from nav_jax.imu import ImuErrors as ImuErrors
+    from nav_jax.imu import RecordedErrors as RecordedErrors
+    from nav_jax.imu import perfect_imu as perfect_imu
+    from nav_jax.kinematics import FlatEarth as FlatEarth
+    from nav_jax.lincov import analyse as analyse
+    from nav_jax.lincov import calibration_effect as calibration_effect
+    from nav_jax.lincov import design as design
+    from nav_jax.lincov import error_budget as error_budget
+    from nav_jax.lincov import sensitivities as sensitivities
+    from nav_jax.recorded import navigate as navigate
+    from nav_jax.recorded import read_fixes as read_fixes
+    from nav_jax.recorded import read_gnss as read_gnss
+    from nav_jax.recorded import read_imu as read_imu
+    from nav_jax.recorded import tune as tune
+    from nav_jax.simulation import compare as compare
+    from nav_jax.simulation import monte_carlo as monte_carlo
+    from nav_jax.trajectory import Trajectory as Trajectory
+    from nav_jax.trajectory import motions as motions
+    from nav_jax.trajectory import read_trajectory as read_trajectory
 else:
+    from gmwm_jax._internal.lazy import lazily as _lazily
 
-    def __getattr__(name):
-        """Import the figures, and with them Matplotlib, when somebody asks for them."""
-        if name != "plotting":
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        import nav_jax.plotting
-
-        return nav_jax.plotting
+    __getattr__, __dir__, __all__ = _lazily(__name__)

@@ -2,7 +2,11 @@
 
 import ast
 import inspect
+import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 import nav_jax
 
@@ -10,18 +14,25 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def exported():
-    """The names that `__init__` exports: each import written `name as name`."""
-    tree = ast.parse((ROOT / "nav_jax" / "__init__.py").read_text())
-    aliases = [alias for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names]
-    return [alias.asname for alias in aliases if alias.name == alias.asname]
+    """What its door offers."""
+    return nav_jax.__all__
 
 
-def test_every_import_of_the_package_is_an_export():
+def test_type_checkers_see_what_the_door_offers():
     tree = ast.parse((ROOT / "nav_jax" / "__init__.py").read_text())
-    imports = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
-    names = [alias.asname or alias.name for node in imports for alias in node.names]
-    assert sum(not name.startswith("_") for name in names) == len(exported())
-    assert len(set(exported())) == len(exported())
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    aliases = [alias for node in block.body for alias in node.names]
+    assert all(alias.name == alias.asname for alias in aliases)  # elsewhere it is no export
+    assert sorted(alias.name for alias in aliases) == exported()
+
+
+def test_the_door_opens_when_somebody_goes_through():
+    program = "import sys, nav_jax; print('jax' in sys.modules, nav_jax.Imu.__name__, 'jax' in sys.modules)"
+    seen = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert seen.stdout.split() == ["False", "Imu", "True"]
+    with pytest.raises(AttributeError, match="module 'nav_jax' has no attribute 'fitt'"):
+        nav_jax.fitt  # noqa: B018
+    assert set(exported()) <= set(dir(nav_jax))
 
 
 def test_every_name_is_documented():
