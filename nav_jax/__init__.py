@@ -71,3 +71,5 @@ else:
     from gmwm_jax._internal.lazy import lazily as _lazily
 
     __getattr__, __dir__, __all__ = _lazily(__name__)
+
+__version__ = "0.1.0"

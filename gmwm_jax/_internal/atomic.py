@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
+from gmwm_jax._internal.outputs import is_device, make_folder
+
 try:
     import fcntl
 except ImportError:  # where there are no such locks, nobody knows what was left behind, and it stays
@@ -36,7 +38,7 @@ def write_atomically(path: str | os.PathLike, write: Callable[[IO[bytes]], Any])
     Parameters
     ----------
     path
-        Target; its folder is made if it is not there.
+        Target; its folder is made if it is not there, below the working folder. A device or pipe is written as it is.
     write
         Writes bytes into the open file.
 
@@ -55,6 +57,10 @@ def write_atomically(path: str | os.PathLike, write: Callable[[IO[bytes]], Any])
             write(file)
 
     path = Path(path)
+    if is_device(path):  # a rename would put a file in its place
+        with path.open("wb") as device:
+            write(device)
+        return path
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder, and a file is to be written.")
     return make_atomically(path, write_file)
@@ -66,7 +72,8 @@ def make_atomically(path: Path, make: Callable[[Path], Any]) -> Path:
     Parameters
     ----------
     path
-        Target, a former file or folder of the same kind is replaced; its folder is made if it is not there.
+        Target, a former file or folder of the same kind is replaced, where a link leads to; its folder is made if it
+        is not there, below the working folder.
     make
         Makes a file or a folder at the path that it is given.
 
@@ -75,18 +82,19 @@ def make_atomically(path: Path, make: Callable[[Path], Any]) -> Path:
     OSError
         `path` cannot be written.
     """
-    with _work_folder(path) as folder:
+    target = path.resolve() if path.is_symlink() else path
+    with _work_folder(target) as folder:
         try:
             make(folder / _NEW)
         except OSError as error:
             if error.errno in _FULL:
                 raise OSError(f"{path} cannot be written: {os.strerror(error.errno)}.") from error
             raise
-        if path.is_dir():  # one rename does not replace a folder; `_settle` ends what is ended here
-            path.rename(folder / _OLD)
-            (folder / _NEW).rename(path)
+        if target.is_dir():  # one rename does not replace a folder; `_settle` ends what is ended here
+            target.rename(folder / _OLD)
+            (folder / _NEW).rename(target)
         else:
-            os.replace(folder / _NEW, path)
+            os.replace(folder / _NEW, target)
     return path
 
 
@@ -101,9 +109,9 @@ def settle_abandoned(path: Path) -> None:
 
 @contextlib.contextmanager
 def _work_folder(path: Path) -> Iterator[Path]:
+    make_folder(path.parent)
     with contextlib.ExitStack() as held:
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             settle_abandoned(path)
             folder = _taken(path, held)
         except OSError as error:

@@ -1,30 +1,107 @@
-"""The way into both command lines."""
+"""The way into both command lines, and out of them: what is asked for is checked, said and ended in one way."""
 
+import contextlib
 import importlib
+import importlib.util
+import inspect
+import os
+import signal
 import sys
-from collections.abc import Collection
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator
+from typing import Any
 
-from gmwm_jax._internal.interrupts import leave_when_deaf
+from gmwm_jax._internal.interrupts import INTERRUPTED, leave_at_once, leave_when_deaf
+from gmwm_jax._internal.lazy import open_wide
+
+BAD_INPUT = 2
+"""Exit code of a command that was asked for something wrong, as of one whose options are."""
+
+_OF_INPUT = (ValueError, KeyError, OSError, ImportError, MemoryError, OverflowError)
+"""Errors that are the answer to an input; another one is a mistake of this program, and shows where it is."""
 
 
-def run_command_line(module: str, needs: Collection[str]) -> None:
+def run_command_line(module: str, packages: Collection[str], needs: Collection[str]) -> None:
     """Turn on 64-bit floats and run the command line ``app`` of a module.
+
+    Until a command has all that it needs, nothing is done that an interrupt could leave half done, and it ends the
+    process at once: the import of compiled modules hears of none.
 
     Parameters
     ----------
     module
         Its name.
+    packages
+        What its commands need loaded.
     needs
-        Packages of the extra ``app``, of which one that is missing is named; any other error is not hidden.
+        Packages of the extra ``app``, of which one that is missing is named.
     """
-    import jax
+    for need in needs:
+        if importlib.util.find_spec(need) is None:
+            sys.exit(f'The command line needs the package {need}: pip install "gmwm-jax[app]".')
+    signal.signal(signal.SIGINT, leave_at_once)
+    os.environ["JAX_ENABLE_X64"] = "1"  # read when JAX is imported, which help is not
+    cli = importlib.import_module(module)
 
-    jax.config.update("jax_enable_x64", True)
-    try:
-        cli = importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name not in needs:
-            raise
-        sys.exit(f'The command line needs the package {error.name}: pip install "gmwm-jax[app]".')
-    leave_when_deaf()
-    cli.app()
+    def load() -> None:
+        for package in packages:
+            open_wide(package)
+        leave_when_deaf()
+
+    cli.app(obj=load)
+
+
+@contextlib.contextmanager
+def command_line(in_its_words: Callable[[str], str], load: Any = None) -> Iterator[None]:
+    """Run a command: errors of input and warnings become a line each, which speaks of options.
+
+    Parameters
+    ----------
+    in_its_words
+        Python in a message -> the same for who reads it.
+    load
+        What `run_command_line` has to be done first, if the command comes from there.
+
+    Raises
+    ------
+    SystemExit
+        With the code `BAD_INPUT`, or `INTERRUPTED` after an interrupt.
+    """
+
+    def say(text: str) -> None:
+        print(text, file=sys.stderr)  # noqa: T201
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        say(f"Warning: {in_its_words(str(message))}")
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        try:
+            if load is not None:
+                load()
+            yield
+        except _OF_INPUT as error:
+            say(f"Error: {in_its_words(_text(error))}")
+            raise SystemExit(BAD_INPUT) from error
+        except KeyboardInterrupt as interrupt:
+            say(str(interrupt) or "Interrupted: the results are not complete.")
+            raise SystemExit(INTERRUPTED) from interrupt
+
+
+def as_command(run: Callable[..., None], parameters: Iterable[inspect.Parameter]) -> Callable[..., None]:
+    """Give ``run(context, **options)`` the signature that a command of these parameters has, which Typer reads."""
+    import typer
+
+    told = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+    named = [told, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters)]
+    run.__signature__ = inspect.Signature(named)  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in named}
+    return run
+
+
+def _text(error: BaseException) -> str:
+    """What an error says; one of Python's own may say nothing."""
+    text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
+    if isinstance(error, MemoryError):
+        return f"There is not enough memory. {text}".strip()
+    return text or type(error).__name__

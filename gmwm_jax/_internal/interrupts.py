@@ -79,6 +79,12 @@ def _leave() -> None:
         _exit()
 
 
+def leave_at_once(*_: Any) -> None:
+    """End the process: a handler of interrupts for as long as nothing is done."""
+    print("Interrupted: nothing was done.", file=sys.stderr)  # noqa: T201
+    _exit()
+
+
 def leave_when_deaf(grace: float = 3.0) -> None:
     """From now on, end the process at an interrupt that Python has not heard of within some seconds.
 

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+from gmwm_jax._internal.lazy import open_wide
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.state_files import Content, read_state, require_suffix, state_of_dataset, write_state
 from gmwm_jax._internal.states import from_state, kind_of, registered, to_state
@@ -11,6 +12,9 @@ from gmwm_jax._internal.stores import SUFFIXES as DATASETS
 from gmwm_jax._internal.stores import read_dataset, write_dataset
 
 S = TypeVar("S")
+
+_PACKAGES = ("gmwm_jax", "nav_jax")
+"""Whose results are read, of each if it is imported."""
 
 
 class Saved:
@@ -111,6 +115,8 @@ def load(path: str | os.PathLike, *, max_bytes: int | str | None = None) -> Any:
     True
     """
     path = Path(path)
+    for package in _PACKAGES:  # classes register themselves
+        open_wide(package)
     if require_suffix(path) in DATASETS:
         dataset = read_dataset(path, size_in_bytes(max_bytes))
         if (known := AsDataset._of_kind.get(dataset.attrs["kind"])) is not None:

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax
 import typer
 
-from gmwm_jax.app.demo import run_demo
+import gmwm_jax as gj
 from gmwm_jax.app.options import (
     Efficiency,
     Export,
@@ -20,28 +19,13 @@ from gmwm_jax.app.options import (
     beside,
     command,
     exports,
+    key_of,
     pairs,
     say,
     weights_of,
     write_figure,
     write_json,
 )
-from gmwm_jax.fitting.bias import white_and_bias
-from gmwm_jax.fitting.estimator import fit as fit_model
-from gmwm_jax.fitting.result import Fit, Status
-from gmwm_jax.fitting.slopes import read_off
-from gmwm_jax.fitting.tables import continuous_table
-from gmwm_jax.fitting.weights import Covariance, Default
-from gmwm_jax.inference.bootstrapping import bootstrap as replicate
-from gmwm_jax.inference.selection import Selection
-from gmwm_jax.inference.selection import select as select_model
-from gmwm_jax.processes.datasheet import from_datasheet
-from gmwm_jax.processes.registry import parse_model
-from gmwm_jax.recordings import datasets
-from gmwm_jax.recordings.files import save_recording
-from gmwm_jax.units import SI_SIGNALS, convert
-from gmwm_jax.variance.allan import allan_deviation
-from gmwm_jax.variance.wavelet import wavelet_variance
 
 app = typer.Typer(
     help="Noise models of inertial sensors from static recordings (wavelet variance, GMWM).",
@@ -51,6 +35,20 @@ app = typer.Typer(
 )
 data_app = typer.Typer(help="Named data sets: public recordings, and simulated ones.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
+
+
+def _tell_version(asked: bool) -> bool:
+    if asked:
+        typer.echo(f"gmwm-jax {gj.__version__}")
+        raise typer.Exit
+    return asked
+
+
+@app.callback()
+def _main(
+    version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Say it.")] = False,
+) -> None:
+    pass
 
 
 @command(app)
@@ -67,14 +65,15 @@ def wv(
 ) -> None:
     """Wavelet variance (or Allan deviation) with confidence intervals."""
     rec = source.read()
-    result = wavelet_variance(
+    result = gj.wavelet_variance(
         rec, method=method, num_levels=levels, level=level, efficiency=efficiency if robust else None
     )
     content: dict[str, Any] = {"rate": rec.rate, "num_samples": len(rec), "level": level}
     if allan:
-        adev = allan_deviation(result)
+        adev = gj.allan_deviation(result)
         tables = {
-            name: [read_off(adev[i], datasheet=d) for d in (False, True)] for i, name in enumerate(result.channels)
+            name: [gj.fitting.read_off(adev[i], datasheet=d) for d in (False, True)]
+            for i, name in enumerate(result.channels)
         }
         say(json_file, "\n\n".join([repr(adev), *(f"{name}: {shown}" for name, (_, shown) in tables.items())]))
         write_figure(plot, lambda: adev.plot())
@@ -111,7 +110,7 @@ def fit(
     ] = None,
     weights: Annotated[
         str, typer.Option(help="default, two-step (less bias), covariance (smallest errors) or iterated.")
-    ] = Default.name,
+    ] = "default",
     robust: Robust = False,
     efficiency: Efficiency = 0.6,
     bootstrap: Annotated[int, typer.Option(help="Replicates for intervals and a test of fit, 500 say.")] = 0,
@@ -130,13 +129,13 @@ def fit(
     rec = source.read()
     lines = None
     if datasheet is not None:
-        promised, signal = from_datasheet(pairs(datasheet), rec.rate)
+        promised, signal = gj.from_datasheet(pairs(datasheet), rec.rate)
         lines = {signal: promised}
-    wv = wavelet_variance(rec, efficiency=efficiency if robust else None)
-    fits = fit_model(wv, model, weights=weights_of(weights), level=level, throw=False)
-    singles = [fits] if isinstance(fits, Fit) else list(fits.values())
-    boots = [replicate(one, bootstrap, key=jax.random.key(seed), progress=True) for one in singles] if bootstrap else []
-    tables = [repr(one) for one in singles] + ([] if isinstance(fits, Fit) else [repr(fits)])
+    wv = gj.wavelet_variance(rec, efficiency=efficiency if robust else None)
+    fits = gj.fit(wv, model, weights=weights_of(weights), level=level, throw=False)
+    singles = [fits] if isinstance(fits, gj.Fit) else list(fits.values())
+    boots = [gj.bootstrap(one, bootstrap, key=key_of(seed), progress=True) for one in singles] if bootstrap else []
+    tables = [repr(one) for one in singles] + ([] if isinstance(fits, gj.Fit) else [repr(fits)])
     say(json_file, "\n\n".join(tables + [repr(boot) for boot in boots]))
     for name, file in exports(export):
         to_screen = str(file) == "-"
@@ -151,7 +150,7 @@ def fit(
         one["bootstrap"] = boot.to_dict()
     write_json(json_file, content)
     for one in singles:
-        if one.status is not Status.converged:
+        if one.status is not gj.fitting.Status.converged:
             typer.echo(f"Warning: {one.wv.channels[0]}: {one.status.value}", err=True)
 
 
@@ -167,7 +166,7 @@ def select(
     level: Level = 0.95,
     weights: Annotated[
         str, typer.Option(help="Of the superset, for all models: covariance, default, two-step or iterated.")
-    ] = Covariance.name,
+    ] = "covariance",
     robust: Robust = False,
     efficiency: Efficiency = 0.6,
     bootstrap: Annotated[int, typer.Option(help="Replicates for the optimism, in place of theory.")] = 0,
@@ -177,19 +176,22 @@ def select(
 ) -> None:
     """Rank models by what they would say of other data, and recommend the simplest that none is better than."""
     rec = source.read()
-    found = select_model(
-        wavelet_variance(rec, efficiency=efficiency if robust else None),
+    found = gj.select(
+        gj.wavelet_variance(rec, efficiency=efficiency if robust else None),
         model[0] if len(model) == 1 else model,
         nested=len(model) == 1,
         weights=weights_of(weights),
         num_replicates=bootstrap,
-        key=jax.random.key(seed),
+        key=key_of(seed),
         level=level,
         progress=True,
     )
-    singles = [found] if isinstance(found, Selection) else list(found.values())
+    singles = [found] if isinstance(found, gj.inference.Selection) else list(found.values())
     say(
-        json_file, "\n\n".join([repr(one) for one in singles] + ([] if isinstance(found, Selection) else [repr(found)]))
+        json_file,
+        "\n\n".join(
+            [repr(one) for one in singles] + ([] if isinstance(found, gj.inference.Selection) else [repr(found)])
+        ),
     )
     write_figure(plot, found.plot)
     write_json(json_file, [one.to_dict() for one in singles])
@@ -217,20 +219,20 @@ def units(
     if value is not None:
         if source is None or target is None:
             raise ValueError('A number is converted from one unit to another: units 0.15 "deg/h" "rad/s".')
-        converted = convert(value, source, target)
+        converted = gj.units.convert(value, source, target)
         say(json_file, f"{value:g} {source} = {converted:.10g} {target}")
         write_json(json_file, {"value": converted, "unit": target})
     elif model is not None or datasheet is not None:
         if rate is None:
             raise ValueError("The sampling rate is missing: give --rate in Hz. It is never guessed.")
-        if signal not in SI_SIGNALS:
+        if signal not in gj.units.SI_SIGNALS:
             raise ValueError("--signal is rad/s, m/s^2 or 1; parameters are SI")
         if datasheet is not None:
-            composite, signal = from_datasheet(pairs(datasheet), rate)
+            composite, signal = gj.from_datasheet(pairs(datasheet), rate)
         else:
-            composite = parse_model(model or "")
-        tables = [continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
-        filters = white_and_bias(composite, rate, signal)
+            composite = gj.parse_model(model or "")
+        tables = [gj.fitting.continuous_table(composite, rate, signal, datasheet=d) for d in (False, True)]
+        filters = gj.fitting.white_and_bias(composite, rate, signal)
         say(json_file, f"{composite}  (per sample at {rate:g} Hz)\n\n{tables[0]}\n\n{tables[1]}\n\n{filters}")
         lists = {
             "continuous": tables[0].to_list(),
@@ -245,8 +247,8 @@ def units(
 @command(data_app, "list")
 def data_list(json_file: Json = None) -> None:
     """List the public recordings and the sensors that can be simulated."""
-    recordings = [datasets.info(name)._asdict() for name in datasets.names()]
-    sensors = {name: {c: repr(m) for c, m in datasets.sensor_models(name).items()} for name in datasets.sensors()}
+    recordings = [gj.datasets.info(name)._asdict() for name in gj.datasets.names()]
+    sensors = {name: {c: repr(m) for c, m in gj.datasets.sensor_models(name).items()} for name in gj.datasets.sensors()}
     lines = [f"{known['name']:20s} {known['description']}" for known in recordings]
     say(json_file, "\n".join([*lines, *(f"{name:20s} simulated: {', '.join(m)}" for name, m in sensors.items())]))
     write_json(json_file, {"recordings": recordings, "simulated": sensors})
@@ -255,7 +257,7 @@ def data_list(json_file: Json = None) -> None:
 @command(data_app, "fetch")
 def data_fetch(name: str) -> None:
     """Fetch a public recording (once) and print where it is."""
-    typer.echo(datasets.fetch(name))
+    typer.echo(gj.datasets.fetch(name))
 
 
 @command(data_app, "simulate")
@@ -270,15 +272,17 @@ def data_simulate(
 
     The parameter values are estimated with this package from the wavelet variances published with SMAC-Group/imudata.
     """
-    rec = datasets.simulated(sensor, samples, key=jax.random.key(seed))
-    typer.echo(f"{rec}\n{save_recording(rec, out)}")
+    rec = gj.datasets.simulated(sensor, samples, key=key_of(seed))
+    typer.echo(f"{rec}\n{gj.save_recording(rec, out)}")
     write_figure(plot, rec.plot)
 
 
 @command(app)
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for figures and tables.")] = Path("out"),
+    folder: Annotated[Path, typer.Option("--out", help="Folder for figures and tables.")] = Path("out"),
     samples: Annotated[int, typer.Option(help="Length of the simulated recording.")] = 1_000_000,
 ) -> None:
     """Simulate a static MTi-G recording, fit it, compare with the truth; figures and tables."""
-    run_demo(out, samples, typer.echo)
+    from gmwm_jax.app.demo import run_demo
+
+    run_demo(folder, samples, typer.echo)

@@ -7,6 +7,7 @@ from typing import Any
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.channels import Channels
+from gmwm_jax._internal.outputs import make_folder
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit
@@ -39,7 +40,7 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Channels
     Channels
         One fit a channel.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     rec = datasets.simulated(_SENSOR, num_samples)
     say(f"{rec}\n")
     wv = wavelet_variance(rec)

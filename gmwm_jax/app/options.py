@@ -8,27 +8,24 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from matplotlib.figure import Figure
 
+import gmwm_jax as gj
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax._internal.overwriting import refuse_overwriting
-from gmwm_jax._internal.text_files import TEXT_SUFFIXES
-from gmwm_jax._internal.text_source import COMPRESSED
-from gmwm_jax.fitting.exports.registry import FORMATS, format_of
-from gmwm_jax.fitting.weights import NAMED
-from gmwm_jax.recordings import datasets
-from gmwm_jax.recordings.files import read_recording
-from gmwm_jax.recordings.recording import Recording
+from gmwm_jax._internal.entry import as_command, command_line
+from gmwm_jax._internal.outputs import check_outputs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a function a command.
 
-    A parameter that is a dataclass stands for its fields, each an option of its own. Errors of input become one message
-    and exit code 1; an output onto the input is one, before anything is read.
+    A parameter that is a dataclass stands for its fields, each an option of its own. Errors of input become one
+    message; an output that cannot be written is one, before anything is read.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
@@ -42,30 +39,26 @@ def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[.
                 parameters.append(parameter)
 
         @functools.wraps(function)
-        def run(**options: Any) -> None:
-            try:
-                outputs = [options.get(key) for key in _OUTPUTS]
-                outputs += [path for _, path in exports(options.get("export"))]
-                inputs = [path for path in (options.get("file"),) if path is not None]
-                refuse_overwriting([path for path in outputs if path is not None and str(path) != "-"], inputs)
+        def run(context: Any, **options: Any) -> None:
+            with command_line(_as_options, context.obj):
+                files = [options.get(key) for key in _OUTPUTS]
+                files += [path for _, path in exports(options.get("export"))]
+                check_outputs(
+                    [path for path in files if path is not None and str(path) != "-"],
+                    [path for path in (options.get("file"),) if path is not None],
+                    [path for path in (options.get("folder"),) if path is not None],
+                )
                 for key, kind in groups.items():
                     options[key] = kind(**{field.name: options.pop(field.name) for field in dataclasses.fields(kind)})
                 function(**options)
-            except (ValueError, KeyError, OSError, ImportError) as error:
-                text = error.args[0] if isinstance(error, KeyError) else error
-                typer.echo(f"Error: {_as_options(str(text))}", err=True)
-                raise typer.Exit(1) from error
 
-        named = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]
-        run.__signature__ = inspect.Signature(named)  # type: ignore[attr-defined]
-        run.__annotations__ = {p.name: p.annotation for p in named}
-        return group.command(name)(run)
+        return group.command(name)(as_command(run, parameters))
 
     return register
 
 
 _OUTPUTS = ("json_file", "plot", "out")
-"""Parameters of commands that name a file to be written."""
+"""Parameters of commands that name a file to be written; that of a folder is called so."""
 
 _OPTIONS = {"num_levels": "levels", "time_unit": "time-unit", "max_bytes": "max-bytes"} | {
     n: n
@@ -114,7 +107,8 @@ Export = Annotated[
     list[str] | None,
     typer.Option(
         metavar="FORMAT=FILE",
-        help=f"Write the noise for another filter: {', '.join(FORMATS)}; several times if need be; '-' for the screen.",
+        help="Write the noise for another filter: kalibr, openvins, vins, kf-gins, pyins, gtsam, px4, ros, nav-jax; "
+        "several times if need be; '-' for the screen.",
     ),
 ]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure (.png, .pdf, .svg).", callback=_figure_file)]
@@ -175,11 +169,11 @@ class Source:
         str | None, typer.Option(help="To which the file may unfold ('8GB'), if that is more than is usual.")
     ] = None
 
-    def read(self) -> Recording:
+    def read(self) -> "gj.Recording":
         """Read it, and say on standard error what was understood."""
         file = self.file
-        if str(file) in datasets.names() and not file.exists():
-            file = datasets.fetch(str(file))
+        if str(file) in gj.datasets.names() and not file.exists():
+            file = gj.datasets.fetch(str(file))
         options = dataclasses.asdict(self)
         del options["file"]
         for name in ("units", "scale", "names"):
@@ -190,7 +184,7 @@ class Source:
             options["names"] = [part.strip() for part in options["names"].split(",")]
         everything = self.channels == "all"
         options["channels"] = None if everything else [part.strip() for part in self.channels.split(",")]
-        rec = read_recording(file, **options, progress=_takes_long(file))
+        rec = gj.read_recording(file, **options, progress=_takes_long(file))
         typer.echo(rec.understood, err=True)
         return rec
 
@@ -200,6 +194,9 @@ _LARGE = 100_000_000
 
 
 def _takes_long(file: Path) -> bool:
+    from gmwm_jax._internal.text_files import TEXT_SUFFIXES
+    from gmwm_jax._internal.text_source import COMPRESSED
+
     return file.suffix.lower() in (*TEXT_SUFFIXES, *COMPRESSED) and file.is_file() and file.stat().st_size > _LARGE
 
 
@@ -207,8 +204,17 @@ def _one_or_pairs(text: str | None) -> str | dict[str, str] | None:
     return pairs(text) if text is not None and "=" in text else text
 
 
+def key_of(seed: int) -> Any:
+    """The key of random numbers that a seed stands for."""
+    import jax
+
+    return jax.random.key(seed)
+
+
 def weights_of(name: str) -> str:
     """Weights as `fit` takes them."""
+    from gmwm_jax.fitting.weights import NAMED
+
     if name not in NAMED:
         raise ValueError(f"--weights is {', '.join(NAMED)}, and not {name!r}.")
     return name
@@ -231,8 +237,12 @@ def pairs(text: str) -> dict[str, str]:
 
 def exports(given: list[str] | None) -> list[tuple[str, Path]]:
     """Formats and files of ``--export format=file``."""
+    if not given:
+        return []
+    from gmwm_jax.fitting.exports.registry import format_of
+
     found = []
-    for text in given or []:
+    for text in given:
         name, equals, file = text.partition("=")
         format_of(name)
         if not equals or not file:
@@ -258,7 +268,7 @@ def write_json(path: Path | None, content: Any) -> None:
         write_atomically(path, lambda file: file.write(text.encode()))
 
 
-def write_figure(path: Path | None, draw: Callable[[], Figure]) -> None:
+def write_figure(path: Path | None, draw: "Callable[[], Figure]") -> None:
     """Draw and write, if a file is named."""
     if path is None:
         return

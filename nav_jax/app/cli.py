@@ -6,42 +6,28 @@ A leaf: a configuration in, tables and files out.
 import functools
 import re
 import sys
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+import nav_jax as nj
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.entry import as_command, command_line
 from gmwm_jax._internal.interrupts import INTERRUPTED
-from gmwm_jax._internal.overwriting import refuse_overwriting
-from nav_jax.app.comparison_file import Config, named_files, read_config
-from nav_jax.app.demo import run_demo
-from nav_jax.app.record_file import inspect_file, read_record
-from nav_jax.app.reports import (
-    COMPARISON,
-    Report,
-    budget_report,
-    comparison_report,
-    design_report,
-    inspection_report,
-    navigation_report,
-    tuning_report,
-)
-from nav_jax.app.sections import FolderSection
-from nav_jax.imu.errors import ImuErrors
-from nav_jax.lincov.analysis import analyse
-from nav_jax.lincov.budget import error_budget
-from nav_jax.lincov.derivatives import sensitivities
-from nav_jax.lincov.filter_design import OBJECTIVES
-from nav_jax.lincov.filter_design import design as design_filters
-from nav_jax.simulation.comparison import Comparison
-from nav_jax.trajectory.maps import MAPS
+from gmwm_jax._internal.outputs import check_outputs, make_folder, refuse_overwriting, require_place
 
-TRACKS = (".csv", ".npz", *MAPS)
-"""Suffixes of files of estimates."""
+if TYPE_CHECKING:
+    from nav_jax.app.comparison_file import Config
+    from nav_jax.app.reports import Report
+    from nav_jax.app.sections import FolderSection
+    from nav_jax.simulation.comparison import Comparison
+
+TRACKS, MAPS = (".csv", ".npz"), (".kml", ".gpx")
+"""Suffixes of files of estimates, and of those that need to know where on Earth."""
 
 app = typer.Typer(
     help="What the noise model of an inertial sensor does to navigation (INS/GNSS filters, simulated and analysed).",
@@ -51,30 +37,35 @@ app = typer.Typer(
 )
 
 
+def _tell_version(asked: bool) -> bool:
+    if asked:
+        typer.echo(f"nav-jax {nj.__version__}")
+        raise typer.Exit
+    return asked
+
+
+@app.callback()
+def _main(
+    version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Say it.")] = False,
+) -> None:
+    pass
+
+
 def _command(function: Callable[..., None]) -> Callable[..., None]:
-    """Make a function a command that turns errors of input into one message and exit code 1, warnings into a line."""
+    """Make a function a command: outputs that cannot be written are refused first, errors become one message."""
 
     @functools.wraps(function)
-    def run(*args: Any, **options: Any) -> None:
-        with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_: typer.echo(f"Warning: {_as_keys(str(message))}", err=True)
-            try:
-                _refuse_overwriting(function.__name__, options)
-                function(*args, **options)
-            except (ValueError, KeyError, OSError, ImportError) as error:
-                text = error.args[0] if isinstance(error, KeyError) else error
-                typer.echo(f"Error: {_as_keys(str(text))}", err=True)
-                raise typer.Exit(1) from error
-            except KeyboardInterrupt as interrupt:
-                typer.echo(str(interrupt) or "Interrupted: the results are not complete.", err=True)
-                raise typer.Exit(INTERRUPTED) from interrupt
+    def run(context: Any, **options: Any) -> None:
+        with command_line(_as_keys, context.obj):
+            _check_outputs(function.__name__, options)
+            function(**options)
 
-    return app.command()(run)
+    return app.command()(as_command(run, signature(function).parameters.values()))
 
 
 _STEMS = {
-    "run": COMPARISON,
-    "compare": COMPARISON,
+    "run": "comparison",
+    "compare": "comparison",
     "budget": "budget",
     "design": "design",
     "tune": "tuning",
@@ -84,19 +75,22 @@ _STEMS = {
 """Command -> stem of the files of its report."""
 
 
-def _refuse_overwriting(command: str, options: Mapping[str, Any]) -> None:
-    """Refuse a command that would write over its configuration, or over a file that this names."""
-    config = options.get("config")
-    if config is None:
-        return
-    inputs, asked = named_files(config)
-    outputs = [path for path in (options.get("json_file"), options.get("save")) if path and str(path) != "-"]
-    if options.get("save") is None and "save" in options and asked.get("save"):
-        outputs.append(config.parent / asked["save"])
-    folder = options["out"] or (config.parent / asked["folder"] if asked.get("folder") else None)
-    if folder is not None:
-        outputs += [folder / f"{_STEMS[command]}.{suffix}" for suffix in ("txt", "json", "toml")]
-    refuse_overwriting(outputs, [config, *inputs])
+def _check_outputs(command: str, options: Mapping[str, Any]) -> None:
+    """Refuse a command that would write over its configuration or a file that this names, or where nobody can."""
+    files = [path for path in (options.get("json_file"), options.get("save")) if path and str(path) != "-"]
+    folders = [options["out"]] if options.get("out") else []
+    config, inputs = options.get("config"), []
+    if config is not None:
+        from nav_jax.app.comparison_file import named_files
+
+        inputs, asked = named_files(config)
+        inputs.append(config)
+        folder = options["out"] or (config.parent / asked["folder"] if asked.get("folder") else None)
+        written = [folder / f"{_STEMS[command]}.{suffix}" for suffix in ("txt", "json", "toml")] if folder else []
+        if options.get("save") is None and "save" in options and asked.get("save"):
+            written.append(config.parent / asked["save"])
+        refuse_overwriting([*files, *written], inputs)
+    check_outputs(files, inputs, folders)
 
 
 def _as_keys(text: str) -> str:
@@ -133,6 +127,8 @@ def run(
     save: Save = None,
 ) -> None:
     """Run one filter many times: its errors beside what it says of them."""
+    from nav_jax.app.comparison_file import read_config
+
     known = read_config(config)
     if filter_name is None and len(known.filters) > 1:
         raise ValueError(f"There are several filters ({', '.join(known.filters)}): choose by --filter, or use compare.")
@@ -153,6 +149,8 @@ def compare(
     save: Save = None,
 ) -> None:
     """Run several filters on the same noise: a ranked table that says which differences are more than chance."""
+    from nav_jax.app.comparison_file import read_config
+
     known = read_config(config)
     if len(known.filters) < 2:
         raise ValueError(f"A comparison takes two filters or more, and {config} has {len(known.filters)}: use run.")
@@ -170,15 +168,18 @@ def budget(
     plot: Plot = None,
 ) -> None:
     """Without random numbers: true and claimed errors of all filters; of one, what makes them and what matters."""
+    from nav_jax.app.comparison_file import read_config
+    from nav_jax.app.reports import budget_report
+
     known = read_config(config)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
     truth, scenario = _model(known), known.scenario
     _say(f"Covariances of {', '.join(known.filters)} ...")
-    analysis = analyse(scenario, truth, known.filters)
+    analysis = nj.analyse(scenario, truth, known.filters)
     _say(f"Error budget and derivatives of {name} ...")
-    parts = error_budget(scenario, truth, known.filters[name])
-    derivatives = sensitivities(scenario, truth, known.filters[name])
+    parts = nj.error_budget(scenario, truth, known.filters[name])
+    derivatives = nj.sensitivities(scenario, truth, known.filters[name])
     _give(budget_report(analysis, name, parts, derivatives), json_file, folder, plot=plot)
 
 
@@ -188,7 +189,7 @@ def design(
     max_accel: Annotated[int, typer.Option(min=0, help="Most Gauss-Markov processes on an accelerometer axis.")] = 2,
     max_gyro: Annotated[int, typer.Option(min=0, help="Most Gauss-Markov processes on a gyro axis.")] = 2,
     max_states: Annotated[int | None, typer.Option(min=0, help="Most sensor states in all.")] = None,
-    objective: Annotated[str, typer.Option(help=f"What is minimised: {' or '.join(OBJECTIVES)}.")] = OBJECTIVES[0],
+    objective: Annotated[str, typer.Option(help="What is minimised: score or error.")] = "score",
     max_steps: Annotated[int, typer.Option(min=1, help="Of each search.")] = 60,
     confirm: Annotated[int | None, typer.Option(min=2, help="Runs of a Monte Carlo of the best filter.")] = None,
     seed: Seed = None,
@@ -197,10 +198,13 @@ def design(
     plot: Plot = None,
 ) -> None:
     """Find the filters with few states that navigate best along the trajectory of the file."""
+    from nav_jax.app.comparison_file import read_config
+    from nav_jax.app.reports import design_report
+
     known = read_config(config)
     folder, plot = _folder(known.output, config.parent, out, plot)
     truth = _model(known)
-    found = design_filters(
+    found = nj.design(
         known.scenario,
         truth,
         max_accel=max_accel,
@@ -237,6 +241,9 @@ def inspect(
     plot: Plot = None,
 ) -> None:
     """Say what is in a record: rates, gaps, rest, gravity, tilt, course, and clocks that are apart."""
+    from nav_jax.app.record_file import inspect_file
+    from nav_jax.app.reports import inspection_report
+
     if plot and out is None:
         raise ValueError("Figures need a folder: give --out.")
     report = inspection_report(inspect_file(config, most_offset))
@@ -253,12 +260,15 @@ def navigate(
     save: Track = None,
 ) -> None:
     """Navigate by recorded sensors: the track, innovations, errors in simulated outages and against a reference."""
-    if save is not None and save.suffix.lower() not in TRACKS:
-        raise typer.BadParameter(f"estimates are saved as {', '.join(TRACKS)}, not {str(save)!r}")
+    from nav_jax.app.record_file import read_record
+    from nav_jax.app.reports import navigation_report
+
+    if save is not None and save.suffix.lower() not in TRACKS + MAPS:
+        raise typer.BadParameter(f"estimates are saved as {', '.join(TRACKS + MAPS)}, not {str(save)!r}")
     known = read_record(config)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
-    target = config.parent / known.output.save if save is None and known.output.save is not None else save
+    target = _save(known.output.save, config.parent, save)
     is_map = target is not None and target.suffix.lower() in MAPS
     if is_map and known.origin is None:
         raise ValueError(f"Nobody knows where the record lies: state origin in [record] to save {target}.")
@@ -283,6 +293,9 @@ def tune(
     plot: Plot = None,
 ) -> None:
     """Find the noise parameters under which the innovations of recorded navigation data are most likely."""
+    from nav_jax.app.record_file import read_record
+    from nav_jax.app.reports import tuning_report
+
     known = read_record(config)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
@@ -299,6 +312,8 @@ def demo(
     num_runs: Annotated[int, typer.Option(min=2, help="Number of runs of each filter.")] = 200,
 ) -> None:
     """Compare filters that believe three fits of the simulated MTi-G recording, through a GNSS outage of 40 s."""
+    from nav_jax.app.demo import run_demo
+
     _tell_of_runs(run_demo(fits, out, num_runs, typer.echo, progress=sys.stderr.isatty()))
 
 
@@ -312,20 +327,30 @@ class _Targets(NamedTuple):
 
 
 def _targets(
-    config: Config, beside: Path, out: Path | None, json_file: Path | None, plot: bool | None, save: Path | None
+    config: "Config", beside: Path, out: Path | None, json_file: Path | None, plot: bool | None, save: Path | None
 ) -> _Targets:
     """What the configuration asks for, unless the options say something else."""
     asked = config.output
-    target = beside / asked.save if save is None and asked.save is not None else save
-    return _Targets(*_folder(asked, beside, out, plot), target, json_file)
+    return _Targets(*_folder(asked, beside, out, plot), _save(asked.save, beside, save), json_file)
 
 
-def _folder(asked: FolderSection, beside: Path, out: Path | None, plot: bool | None) -> tuple[Path | None, bool]:
+def _folder(asked: "FolderSection", beside: Path, out: Path | None, plot: bool | None) -> tuple[Path | None, bool]:
     """The folder, and whether figures go there."""
-    folder = beside / asked.folder if out is None and asked.folder is not None else out
+    folder = out
+    if out is None and asked.folder is not None:
+        make_folder(folder := beside / asked.folder, beside)
     if plot and folder is None:
         raise ValueError("Figures need a folder: give --out, or folder in [output].")
     return folder, asked.plot if plot is None else plot
+
+
+def _save(asked: str | None, beside: Path, save: Path | None) -> Path | None:
+    """Where results are saved, looked at before there are any."""
+    if save is None and asked is not None:
+        make_folder((save := beside / asked).parent, beside)
+    if save is not None:
+        require_place(save)
+    return save
 
 
 def _chosen(filters: Mapping[str, Any], name: str | None) -> str:
@@ -335,9 +360,9 @@ def _chosen(filters: Mapping[str, Any], name: str | None) -> str:
     return next(iter(filters)) if name is None else name
 
 
-def _model(config: Config) -> ImuErrors:
+def _model(config: Any) -> Any:
     """The truth, where covariances can be made of it."""
-    if not isinstance(config.truth, ImuErrors):
+    if not isinstance(config.truth, nj.ImuErrors):
         raise ValueError("[truth] is a recording, and covariances follow from a model: state one.")
     return config.truth
 
@@ -348,7 +373,9 @@ def _say(text: str) -> None:
         typer.echo(text, err=True)
 
 
-def _give(report: Report, json_file: Path | None, folder: Path | None, *, plot: bool, text: str | None = None) -> bool:
+def _give(
+    report: "Report", json_file: Path | None, folder: Path | None, *, plot: bool, text: str | None = None
+) -> bool:
     """Print and write a report, or print another text than its own; returns whether JSON took the screen."""
     to_screen = str(json_file) == "-"
     typer.echo(report.json if to_screen else text or report.text)
@@ -359,8 +386,10 @@ def _give(report: Report, json_file: Path | None, folder: Path | None, *, plot: 
     return to_screen
 
 
-def _finish(result: Comparison, text: str, targets: _Targets) -> None:
+def _finish(result: "Comparison", text: str, targets: _Targets) -> None:
     """Print and write what is asked for."""
+    from nav_jax.app.reports import comparison_report
+
     report = comparison_report(result)
     to_screen = _give(report, targets.json_file, targets.folder, plot=targets.plot, text=text)
     if targets.save is not None:
@@ -368,7 +397,7 @@ def _finish(result: Comparison, text: str, targets: _Targets) -> None:
     _tell_of_runs(result)
 
 
-def _tell_of_runs(result: Comparison) -> None:
+def _tell_of_runs(result: "Comparison") -> None:
     """Warn of runs that failed; end with a code of its own if there are fewer than asked for."""
     for name, r in result.runs.items():
         if r.num_failed:

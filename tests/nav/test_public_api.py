@@ -63,3 +63,7 @@ def test_functions_of_many_parameters_explain_them():
         if not ("Parameters\n" in (doc := inspect.getdoc(f) or "") or "Parameters as in" in doc)
     ]
     assert not short
+
+
+def test_the_version_is_that_of_the_project():
+    assert f'version = "{nav_jax.__version__}"' in (ROOT / "pyproject.toml").read_text()

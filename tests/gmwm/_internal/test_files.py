@@ -14,7 +14,8 @@ from gmwm_jax._internal import atomic
 from gmwm_jax._internal.atomic import make_atomically, settle_abandoned, write_atomically
 
 
-def test_the_folder_is_made_and_the_file_is_whole(tmp_path):
+def test_the_folder_is_made_and_the_file_is_whole(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / "a" / "b" / "x.txt"
     assert write_atomically(path, lambda file: file.write(b"whole")) == path
     assert path.read_bytes() == b"whole"
@@ -31,8 +32,27 @@ def test_what_cannot_be_written_is_named(tmp_path):
     with pytest.raises(IsADirectoryError, match="is a folder, and a file is to be written"):
         write_atomically(tmp_path, lambda file: None)
     (tmp_path / "file").touch()
-    with pytest.raises(OSError, match=r"file/x cannot be written: (File exists|Not a directory)\."):
+    with pytest.raises(OSError, match="file is a file, and a folder is needed"):
         write_atomically(tmp_path / "file" / "x", lambda file: None)
+
+
+def test_a_link_stays_and_its_file_is_replaced(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real" / "x")
+    for content in (b"first", b"second"):
+        assert write_atomically(tmp_path / "link", lambda file, content=content: file.write(content)).is_symlink()
+        assert (tmp_path / "real" / "x").read_bytes() == content
+    assert [p.name for p in (tmp_path / "real").iterdir()] == ["x"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a pipe with a name")
+def test_a_device_is_written_and_stays_one(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit((tmp_path / "pipe").read_bytes)
+        write_atomically(tmp_path / "pipe", lambda file: file.write(b"whole"))
+        assert read.result(30) == b"whole"
+    assert (tmp_path / "pipe").is_fifo()
 
 
 @pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])

@@ -113,3 +113,22 @@ def test_waiting_calls_are_cancelled():
     assert not running.done()
     go.set()
     running.result(timeout=MOST)
+
+
+@pytest.mark.parametrize("module", ["gmwm_jax", "nav_jax"])
+@pytest.mark.parametrize("after", [0.2, 0.6])
+def test_a_command_line_is_left_while_it_imports(tmp_path, module, after):
+    """Importing JAX and the rest takes more than a second; no traceback of whatever was being imported is shown."""
+    arguments = {"gmwm_jax": ["units", "1", "deg/h", "rad/s"], "nav_jax": ["inspect", "none.toml"]}[module]
+    program = (
+        HEARS + f"import sys, runpy; sys.argv[1:] = {arguments}; runpy.run_module({module!r}, run_name='__main__')"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    start = time.monotonic()
+    stdout, stderr = process.communicate(timeout=MOST)
+    assert time.monotonic() - start < 5
+    assert (process.returncode, stdout, stderr) == (INTERRUPTED, "", "Interrupted: nothing was done.\n")

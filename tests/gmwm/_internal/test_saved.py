@@ -3,6 +3,8 @@
 import copy
 import io
 import json
+import subprocess
+import sys
 import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,7 +75,8 @@ KINDS = (
 
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_result_comes_back_as_it_was(results, tmp_path, kind, suffix):
+def test_a_result_comes_back_as_it_was(results, tmp_path, kind, suffix, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     path = results[kind].save(tmp_path / "new" / f"x{suffix}")
     assert path == tmp_path / "new" / f"x{suffix}"
     assert_same_result(load(path), results[kind])
@@ -450,3 +453,13 @@ def test_estimators_and_weights_are_those_that_they_were(results, tmp_path):
     weights = load(results["fit with weights given"].save(tmp_path / "a.json")).weights
     assert isinstance(weights, Given)
     assert read_state(tmp_path / "a.json").kind == "gmwm_jax.Fit"
+
+
+def test_a_fresh_process_knows_what_it_reads(tmp_path, fit):
+    """Nobody has asked for the class of what is in the file by then."""
+    path = fit.save(tmp_path / "fit.json")
+    program = "import gmwm_jax as gj, jax; jax.config.update('jax_enable_x64', True); print(repr(gj.load({!r})))"
+    seen = subprocess.run(
+        [sys.executable, "-c", program.format(str(path))], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert seen.stdout.rstrip("\n") == repr(fit)

@@ -6,6 +6,7 @@ Fits compile for each model: all but two tests share one.
 import gzip
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -14,18 +15,26 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import gmwm_jax as gj
 from gmwm_jax import __main__
 from gmwm_jax._internal import limits
-from gmwm_jax.app import cli
 from gmwm_jax.app.cli import app
 from gmwm_jax.app.options import Source, _as_options
 from gmwm_jax.fitting.estimator import fit
+from gmwm_jax.fitting.exports.registry import FORMATS
 from gmwm_jax.fitting.result import Status
+from gmwm_jax.fitting.weights import NAMED
 from gmwm_jax.recordings import datasets
 from gmwm_jax.recordings.files import read_recording, save_recording
 from gmwm_jax.variance.wavelet import wavelet_variance
 
 MODEL = "WN + RW"
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """Somebody works where the files are, and folders below are made."""
+    monkeypatch.chdir(tmp_path)
 
 
 def call(*arguments, code=0):
@@ -86,7 +95,7 @@ def test_the_options_of_the_reader(rec, tmp_path):
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(("t_ms;gx;gy;az;state\n" + "".join(rows)).encode("utf-16")))
     options = ("wv", path, "--time", "t_ms", "--scale", "gyro=1e-5 rad/s,accel=1e-4 m/s^2")
-    refused = call(*options, code=1).stderr
+    refused = call(*options, code=2).stderr
     assert "1 samples are missing in 1 gaps" in refused
     assert "--gaps nan puts NaN" in refused
     assert "--gaps longest takes the longest run" in refused
@@ -250,7 +259,7 @@ def test_fit_exports(npz, tmp_path, wv):
 )
 def test_exports_that_do_not_suit(npz, options, message):
     before = npz.read_bytes()
-    result = call("fit", npz, "--model", MODEL, *(o.format(source=npz) for o in options), code=1)
+    result = call("fit", npz, "--model", MODEL, *(o.format(source=npz) for o in options), code=2)
     assert message in result.stderr
     assert npz.read_bytes() == before
 
@@ -283,8 +292,8 @@ def test_select(npz, tmp_path):
 
 
 def test_a_search_that_did_not_converge_is_told(npz, wv, monkeypatch):
-    stalled = replace(cli.fit_model(wv["gyro_x"], MODEL), status=Status.stalled)
-    monkeypatch.setattr(cli, "fit_model", lambda *arguments, **options: stalled)
+    stalled = replace(gj.fit(wv["gyro_x"], MODEL), status=Status.stalled)
+    monkeypatch.setattr(gj, "fit", lambda *arguments, **options: stalled)
     assert "Warning: gyro_x: stopped at the step limit" in call("fit", npz, "--model", MODEL).stderr
 
 
@@ -431,13 +440,13 @@ STATED = ("--rate", "100", "--unit", "rad/s")
             "integer of 1 or more, and is 0",
         ),
         (("demo", "--samples", "1", "--out", "{bad}/out"), "one sample"),
-        (("demo", "--samples", "1", "--out", "{bad}/bare.npy"), "File exists"),
+        (("demo", "--samples", "1", "--out", "{bad}/bare.npy"), "a file, and a folder is needed"),
         (("wv", "{bad}", *STATED), "is a folder, not a file"),
         (("wv", "{bad}/bare.npy", "--unit", "1"), "give --rate in Hz, or --time to name"),
     ],
 )
-def test_bad_input_is_one_message_and_exit_code_1(bad, npz, arguments, message):
-    result = call(*(a.format(bad=bad, npz=npz) for a in arguments), code=1)
+def test_bad_input_is_one_message_and_exit_code_2(bad, npz, arguments, message):
+    result = call(*(a.format(bad=bad, npz=npz) for a in arguments), code=2)
     understood, _, error = result.stderr.partition("Error: ")
     assert understood == "" or understood.startswith("Read as ")  # what was understood before it
     assert message in error
@@ -446,7 +455,7 @@ def test_bad_input_is_one_message_and_exit_code_1(bad, npz, arguments, message):
 
 
 def test_a_target_that_is_a_folder_is_named(npz, tmp_path):
-    assert "is a folder, and a file is to be written" in call("wv", npz, "--json", tmp_path, code=1).stderr
+    assert "is a folder, and a file is to be written" in call("wv", npz, "--json", tmp_path, code=2).stderr
 
 
 def test_allan_as_json(npz, wv):
@@ -479,17 +488,49 @@ def test_the_command_turns_64_bits_on_itself():
     assert "Continuous time, SI (at 100 Hz)" in run.stdout
 
 
+@pytest.mark.parametrize("command", ["gmwm_jax", "nav_jax"])
+def test_help_is_there_at_once(command):
+    """JAX, NumPy and what reads files are imported by no page of help."""
+    program = (
+        f"import sys; sys.argv[1:] = sys.argv[1].split(); from {command}.__main__ import main\n"
+        "try: main()\n"
+        "finally: print([m for m in ('jax', 'numpy', 'matplotlib') if m in sys.modules])"
+    )
+    pages = [
+        "--help",
+        "--version",
+        *{"gmwm_jax": ["fit --help", "data simulate --help"], "nav_jax": ["design --help"]}[command],
+    ]
+    for page in pages:
+        run = subprocess.run([sys.executable, "-c", program, page], capture_output=True, text=True, timeout=60)
+        assert (run.returncode, run.stderr) == (0, "")
+        assert run.stdout.splitlines()[-1] == "[]"
+    assert (
+        f"{command.replace('_', '-')} {gj.__version__}"
+        in subprocess.run(
+            [sys.executable, "-m", command, "--version"], capture_output=True, text=True, timeout=60
+        ).stdout
+    )
+
+
+def test_help_names_what_there_is():
+    """The tables of formats and weights are not loaded for help, which says their names."""
+    pages = [re.sub(r"[│\s]+", " ", CliRunner().invoke(app, [name, "--help"]).stdout) for name in ("fit", "select")]
+    assert all(re.search(rf"[ :]{name}[,;]", pages[0]) for name in FORMATS)
+    assert all(name in page for page in pages for name in NAMED)
+
+
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "typer", None)
-    monkeypatch.delitem(sys.modules, "gmwm_jax.app.cli")
     with pytest.raises(SystemExit, match=r'needs the package typer: pip install "gmwm-jax\[app\]"'):
         __main__.main()
 
 
 def test_an_error_of_the_package_itself_is_not_hidden(monkeypatch):
-    monkeypatch.setitem(sys.modules, "gmwm_jax.app.demo", None)
+    monkeypatch.setitem(sys.modules, "gmwm_jax.app.options", None)
     monkeypatch.delitem(sys.modules, "gmwm_jax.app.cli")
-    with pytest.raises(ModuleNotFoundError, match=r"gmwm_jax\.app\.demo"):
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # interrupts are for pytest
+    with pytest.raises(ModuleNotFoundError, match=r"gmwm_jax\.app\.options"):
         __main__.main()
 
 
@@ -505,15 +546,15 @@ def test_the_input_is_never_written_over(tmp_path, monkeypatch, npz, command, li
     target = tmp_path / "out.json" if link else source
     if link:
         target.symlink_to(source)
-    monkeypatch.setattr("gmwm_jax.app.options.read_recording", lambda *a, **k: pytest.fail("It was read."))
-    result = call(command[0], source, *command[1:], "--json", target, code=1)
+    monkeypatch.setattr(gj, "read_recording", lambda *a, **k: pytest.fail("It was read."))
+    result = call(command[0], source, *command[1:], "--json", target, code=2)
     assert "would be written over" in result.stderr
     assert source.read_bytes() == npz.read_bytes()
 
 
 def test_two_outputs_are_two_files(tmp_path, npz):
     out = tmp_path / "a.png"
-    assert "would be written twice" in call("wv", npz, "--json", out, "--plot", out, code=1).stderr
+    assert "would be written twice" in call("wv", npz, "--json", out, "--plot", out, code=2).stderr
     assert not out.exists()
 
 

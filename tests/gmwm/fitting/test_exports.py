@@ -280,7 +280,8 @@ def test_records_in_g_and_in_si_give_the_same():
     assert found[1] == pytest.approx(found[0], rel=1e-8)
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     target = tmp_path / "new" / "imu.yaml"
     text = imu().export("kalibr", path=target)
     assert target.read_text() == text

@@ -4,6 +4,7 @@ Filters compile for each model: two tests compute, along one small configuration
 """
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -20,7 +21,9 @@ from nav_jax.app.comparison_file import Config, read_config
 from nav_jax.app.record_file import read_record
 from nav_jax.app.reports import filter_section
 from nav_jax.app.sections import ModelErrors
+from nav_jax.lincov.filter_design import OBJECTIVES
 from nav_jax.trajectory import motions
+from nav_jax.trajectory.maps import MAPS
 
 TEXT = """
 [trajectory]
@@ -85,6 +88,12 @@ every = 5
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """Somebody works where the files are, and folders below are made."""
+    monkeypatch.chdir(tmp_path)
+
+
 def call(*arguments, code=0):
     """Run a command; the result's stdout and stderr are separate."""
     result = CliRunner().invoke(cli.app, [str(a) for a in arguments], env={"COLUMNS": "200", "TERM": "dumb"})
@@ -122,7 +131,7 @@ def answers(monkeypatch, **results):
         return lambda *given, **named: asked[name].append((given, named)) or results[name]
 
     for name in results:
-        monkeypatch.setattr(cli, name, answer(name))
+        monkeypatch.setattr(nj, name, answer(name))
     return asked
 
 
@@ -194,10 +203,10 @@ def test_a_design_is_confirmed_on_request(config, tmp_path, monkeypatch):
     seen = []
     monkeypatch.setattr(Config, "compare", lambda self, **named: seen.append((self.filters, named)) or result)
     d = make_design()
-    asked = answers(monkeypatch, design_filters=d)
+    asked = answers(monkeypatch, design=d)
     options = ["--objective", "error", "--max-states", 6, "--confirm", 40, "--seed", 7, "--out", tmp_path / "out"]
     stdout = call("design", config, *options).stdout
-    (((scenario, _), named),) = asked["design_filters"]
+    (((scenario, _), named),) = asked["design"]
     assert (named["objective"], named["max_states"], named["max_accel"], scenario.every) == ("error", 6, 2, 1)
     assert [s.name for s in scenario.aiding] == ["gnss_position"]
     ((filters, named),) = seen
@@ -218,7 +227,7 @@ def test_an_interrupted_confirmation_ends_with_its_code(config, monkeypatch):
         motions.static(10.0, 10.0), {"designed": make_runs(num_runs=5, num_requested=100)}
     )
     monkeypatch.setattr(Config, "compare", lambda self, **named: result)
-    answers(monkeypatch, design_filters=make_design())
+    answers(monkeypatch, design=make_design())
     stderr = call("design", config, "--confirm", 100, code=cli.INTERRUPTED).stderr
     assert "5 of 100 runs were done" in stderr
 
@@ -328,14 +337,14 @@ CHANGES = [
 
 
 @pytest.mark.parametrize(("command", "by", "arguments", "message"), CHANGES)
-def test_bad_input_is_one_line_and_exit_code_1(config, record, command, by, arguments, message):
+def test_bad_input_is_one_line_and_exit_code_2(config, record, command, by, arguments, message):
     path = record if command == "tune" else config
     text = path.read_text()
     for old, new in by.items():
         assert old in text
         text = text.replace(old, new)
     path.write_text(text)
-    result = call(command, path, *arguments, code=1)
+    result = call(command, path, *arguments, code=2)
     assert result.stderr.startswith("Error: ")
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
@@ -351,5 +360,11 @@ def test_a_recording_has_no_covariance(config, tmp_path):
     text = TEXT.replace(model, recorded).replace('[filters]\nright = "truth"', f"[filters.right]\n{model}")
     config.write_text(text)
     for command in ("budget", "design"):
-        stderr = call(command, config, code=1).stderr
+        stderr = call(command, config, code=2).stderr
         assert stderr == "Error: [truth] is a recording, and covariances follow from a model: state one.\n"
+
+
+def test_help_names_what_there_is():
+    page = re.sub(r"[│\s]+", " ", CliRunner().invoke(cli.app, ["design", "--help"]).stdout)
+    assert f"{' or '.join(OBJECTIVES)}." in page
+    assert set(cli.MAPS) == set(MAPS)

@@ -65,6 +65,12 @@ save = "track.gpx"
 """
 
 
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """Somebody works where the files are, and folders below are made."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """The files of a drive whose truth is known."""
@@ -175,7 +181,7 @@ def test_bad_input_is_one_line(drive, by, arguments, message):
         assert old in text
         text = text.replace(old, new)
     drive.write_text(text)
-    code = 2 if arguments else 1
+    code = 2
     stderr = call("navigate", drive, *arguments, code=code).stderr
     assert message in " ".join(stderr.replace("│", " ").split()), stderr
 
@@ -183,7 +189,7 @@ def test_bad_input_is_one_line(drive, by, arguments, message):
 def test_an_output_is_not_written_over_an_input(drive):
     text = drive.read_text().replace('save = "track.gpx"', 'save = "reference.csv"')
     drive.write_text(text)
-    assert "reference.csv" in call("navigate", drive, code=1).stderr
+    assert "reference.csv" in call("navigate", drive, code=2).stderr
 
 
 def test_inspect(drive, tmp_path):
@@ -198,4 +204,4 @@ def test_inspect(drive, tmp_path):
     }
     assert content["fixes"]["start"] == pytest.approx(TOW + 0.3, abs=1.0)
     assert (tmp_path / "inspection.png").read_bytes().startswith(b"\x89PNG")
-    assert "give --out" in call("inspect", drive, "--plot", code=1).stderr
+    assert "give --out" in call("inspect", drive, "--plot", code=2).stderr

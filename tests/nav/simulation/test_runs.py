@@ -183,7 +183,8 @@ def test_pandas_has_a_row_for_each_run_and_epoch(runs):
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_disk_gives_back_what_it_was_given(runs, tmp_path, suffix):
+def test_disk_gives_back_what_it_was_given(runs, tmp_path, suffix, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / "new" / f"r{suffix}"
     assert runs.save(path) == path
     assert_same(Runs.load(path), runs)

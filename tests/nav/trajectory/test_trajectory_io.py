@@ -32,7 +32,8 @@ def columns(table=TABLE, names=NAMES):
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv", ".NPZ"])
-def test_saved_trajectories_come_back(tmp_path, suffix):
+def test_saved_trajectories_come_back(tmp_path, suffix, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     path = save_trajectory(REF, tmp_path / "folder" / f"a{suffix}")
     found = read_trajectory(path)
     assert_same(found, velocity=0)
