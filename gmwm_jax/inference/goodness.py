@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtrc
 
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.result import Fit
 
@@ -20,8 +22,9 @@ _RANK = 1e-9
 """Of the largest eigenvalue of the correlation of the residuals: below it there is no residual."""
 
 
+@saved(not_finite=("p_value", "pulls"))
 @dataclass(frozen=True, repr=False)
-class GoodnessOfFit:
+class GoodnessOfFit(Saved):
     """The result of `goodness_of_fit`: the test, and where the model fails.
 
     Attributes

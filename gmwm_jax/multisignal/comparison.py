@@ -18,13 +18,18 @@ from jaxtyping import Bool, Float
 from scipy.special import chdtrc
 
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.standard_errors import parameter_covariance
 from gmwm_jax.multisignal.joint import JointFit, one_channel
 from gmwm_jax.processes.parameter import Parameter
 
+_MAY_BE_UNKNOWN = ("low", "high", "observed", "expected", "statistic", "p_value", "between")
 
+
+@saved(not_finite=_MAY_BE_UNKNOWN)
 @dataclass(frozen=True)
 class ParameterSpread:
     """How one parameter differs between records, on the real line (log; logit for phi).
@@ -61,8 +66,9 @@ class ParameterSpread:
     num_left_out: int
 
 
+@saved(not_finite=("estimates", "covariances", "statistic", "p_value"))
 @dataclass(frozen=True, repr=False)
-class RecordComparison(Drawable):
+class RecordComparison(Drawable, Saved):
     """The result of `compare_records`: estimates from single records, and how they differ.
 
     Attributes

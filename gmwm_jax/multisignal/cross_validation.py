@@ -23,6 +23,8 @@ from scipy.special import stdtrit
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.multisignal._pool import as_records
@@ -34,6 +36,7 @@ from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances
 
 
+@saved(not_finite=("error", "difference_error"))
 @dataclass(frozen=True)
 class ModelScore:
     """How well one model predicts records left out.
@@ -64,8 +67,9 @@ class ModelScore:
     num_failed: int
 
 
+@saved()
 @dataclass(frozen=True, repr=False)
-class CrossValidation(Mapping[str, ModelScore], Drawable):
+class CrossValidation(Mapping[str, ModelScore], Drawable, Saved):
     """The result of `cross_validate`, the best model first; ``cv["WN + GM"]`` is the row of a model.
 
     Attributes

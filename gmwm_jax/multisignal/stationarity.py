@@ -17,6 +17,8 @@ from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, stream_keys, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.memory import FLOAT, require_memory
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.inference.bootstrapping import CHUNK, RECORDS, VARIANCES
 from gmwm_jax.multisignal._pool import Pool
@@ -25,8 +27,9 @@ from gmwm_jax.multisignal.joint import JointFit, one_channel
 from gmwm_jax.variance.replicates import record_draws, theory_draws
 
 
+@saved(not_finite=("objective",))
 @dataclass(frozen=True, repr=False)
-class NearStationarity(Drawable):
+class NearStationarity(Drawable, Saved):
     """The result of `near_stationarity`: the test, and what it is made of.
 
     Attributes

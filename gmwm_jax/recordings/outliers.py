@@ -24,10 +24,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 
 
+@saved()
 @dataclass(frozen=True)
 class OutlierRun:
     """A run of neighbouring samples that are outliers."""

@@ -32,6 +32,8 @@ from jaxtyping import Bool, Float
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.estimator import fit
 from gmwm_jax.fitting.result import Fit
@@ -71,6 +73,7 @@ class Coefficient(NamedTuple):
     unit: str
 
 
+@saved()
 @dataclass(frozen=True, repr=False)
 class Coefficients(Mapping[str, Coefficient]):
     """Estimates of b by name of the regressor, with their joint covariance."""
@@ -107,8 +110,9 @@ class Coefficients(Mapping[str, Coefficient]):
         return format_table(head, rows)
 
 
+@saved(not_finite=("data",))
 @dataclass(frozen=True, repr=False)
-class Regression(Drawable):
+class Regression(Drawable, Saved):
     """The result of `regress`: a regression with dependent errors.
 
     Attributes

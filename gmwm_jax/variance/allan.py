@@ -16,6 +16,8 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
@@ -24,8 +26,9 @@ FLICKER_FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """0.664: the Allan deviation of flicker noise (bias instability) of coefficient B is 0.664 B at its flat bottom."""
 
 
+@saved(not_finite=("ci_low", "ci_high"))
 @dataclass(frozen=True, repr=False)
-class AllanDeviation(Drawable):
+class AllanDeviation(Drawable, Saved):
     """The overlapping Allan deviation, in arrays (J,) for one channel and (J, C) for several.
 
     Attributes

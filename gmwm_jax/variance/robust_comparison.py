@@ -13,6 +13,8 @@ from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.outliers import OutlierRun
 from gmwm_jax.recordings.recording import Recording
@@ -26,8 +28,9 @@ _SHOWN = 10
 """Runs of outliers in the table."""
 
 
+@saved(not_finite=("z",))
 @dataclass(frozen=True, repr=False)
-class RobustComparison(Drawable):
+class RobustComparison(Drawable, Saved):
     """The result of `compare_robust`, for one channel and J scales.
 
     Attributes

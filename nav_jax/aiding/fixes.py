@@ -6,9 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from gmwm_jax._internal.checks import increasing, real_array
+from gmwm_jax._internal.states import saved
 from nav_jax.aiding.base import AbstractAiding
 
 
+@saved()
 @dataclass(frozen=True, eq=False)
 class Fixes:
     """The recorded measurements of an aiding sensor.

@@ -47,8 +47,8 @@ nav-jax design comparison.toml --max-accel 1 --max-gyro 1 --confirm 1000 --out r
 
 `nav-jax inspect drive.toml` says on one page what is in a record: rates, gaps, rest, gravity, tilt, the course at the
 start, and by how much clocks are apart. A recorded drive is navigated by `nav-jax navigate drive.toml --out results
---save track.kml` (or .gpx, .csv), and the noise parameters that make its innovations most likely are sought by `nav-jax
-tune drive.toml --out results`:
+--save drive.npz --export track.kml` (all of it for `nav_jax.load`; the track as .kml, .gpx, .csv or .npz), and the
+noise parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out results`:
 
 ```toml
 [record]

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from nav_jax.simulation.comparison import Comparison
 
 TRACKS, MAPS = (".csv", ".npz"), (".kml", ".gpx")
-"""Suffixes of files of estimates, and of those that need to know where on Earth."""
+"""Suffixes of files of a track, and of those that need to know where on Earth."""
+
+SAVED = (".npz", ".json", ".nc", ".zarr")
+"""Of files that `nav_jax.load` reads."""
 
 app = typer.Typer(
     help="What the noise model of an inertial sensor does to navigation (INS/GNSS filters, simulated and analysed).",
@@ -75,9 +78,14 @@ _STEMS = {
 """Command -> stem of the files of its report."""
 
 
+_FILES = ("save", "export")
+"""Options, and keys of [output], that name a file."""
+
+
 def _check_outputs(command: str, options: Mapping[str, Any]) -> None:
     """Refuse a command that would write over its configuration or a file that this names, or where nobody can."""
-    files = [path for path in (options.get("json_file"), options.get("save")) if path and str(path) != "-"]
+    given = (options.get(name) for name in ("json_file", *_FILES))
+    files = [path for path in given if path and str(path) != "-"]
     folders = [options["out"]] if options.get("out") else []
     config, inputs = options.get("config"), []
     if config is not None:
@@ -87,8 +95,9 @@ def _check_outputs(command: str, options: Mapping[str, Any]) -> None:
         inputs.append(config)
         folder = options["out"] or (config.parent / asked["folder"] if asked.get("folder") else None)
         written = [folder / f"{_STEMS[command]}.{suffix}" for suffix in ("txt", "json", "toml")] if folder else []
-        if options.get("save") is None and "save" in options and asked.get("save"):
-            written.append(config.parent / asked["save"])
+        for name in _FILES:
+            if options.get(name) is None and name in options and asked.get(name):
+                written.append(config.parent / asked[name])
         refuse_overwriting([*files, *written], inputs)
     check_outputs(files, inputs, folders)
 
@@ -229,7 +238,8 @@ def design(
 
 
 Record = Annotated[Path, typer.Argument(metavar="RECORD.toml", help="Record, filters, aiding with files, start.")]
-Track = Annotated[Path | None, typer.Option("--save", help="The estimates: .csv, .npz, .kml or .gpx.")]
+Solution = Annotated[Path | None, typer.Option("--save", help="All, for nav_jax.load: .npz, .json, .nc or .zarr.")]
+Track = Annotated[Path | None, typer.Option("--export", help="The track for others: .csv, .npz, .kml or .gpx.")]
 
 
 @_command
@@ -257,27 +267,34 @@ def navigate(
     out: Out = None,
     json_file: Json = None,
     plot: Plot = None,
-    save: Track = None,
+    save: Solution = None,
+    export: Track = None,
 ) -> None:
     """Navigate by recorded sensors: the track, innovations, errors in simulated outages and against a reference."""
     from nav_jax.app.record_file import read_record
     from nav_jax.app.reports import navigation_report
 
-    if save is not None and save.suffix.lower() not in TRACKS + MAPS:
-        raise typer.BadParameter(f"estimates are saved as {', '.join(TRACKS + MAPS)}, not {str(save)!r}")
     known = read_record(config)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
-    target = _save(known.output.save, config.parent, save)
-    is_map = target is not None and target.suffix.lower() in MAPS
+    save = _save(known.output.save, config.parent, save)
+    track = _save(known.output.export, config.parent, export)
+    if save is not None and save.suffix.lower() not in SAVED:
+        hint = ": export is for tracks" if save.suffix.lower() in TRACKS + MAPS else ""
+        raise typer.BadParameter(f"solutions are saved as {', '.join(SAVED)}, not {str(save)!r}{hint}")
+    if track is not None and track.suffix.lower() not in TRACKS + MAPS:
+        raise typer.BadParameter(f"tracks are exported as {', '.join(TRACKS + MAPS)}, not {str(track)!r}")
+    is_map = track is not None and track.suffix.lower() in MAPS
     if is_map and known.origin is None:
-        raise ValueError(f"Nobody knows where the record lies: state origin in [record] to save {target}.")
+        raise ValueError(f"Nobody knows where the record lies: state origin in [record] to export {track}.")
     _say(f"Navigation by {name} ...")
     solution = known.navigate(name)
     to_screen = _give(navigation_report(name, solution, known.notes), json_file, folder, plot=plot)
-    if target is not None:
-        saved = solution.save(target, origin=known.origin, start=known.utc)
-        typer.echo(f"Saved as {saved}", err=to_screen)
+    if save is not None:
+        typer.echo(f"Saved as {solution.save(save)}", err=to_screen)
+    if track is not None:
+        written = solution.export(track, origin=known.origin, start=known.utc)
+        typer.echo(f"Exported as {written}", err=to_screen)
 
 
 @_command

@@ -226,9 +226,10 @@ class RecordRunSection(Section):
 
 
 class RecordOutputSection(FolderSection):
-    """The same, and a file of the estimates."""
+    """The same, a file of the solution and one of its track."""
 
     save: str | None = None
+    export: str | None = None
 
 
 @dataclass(frozen=True)

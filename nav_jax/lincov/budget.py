@@ -4,7 +4,7 @@ With the gains of the filter the error is linear in all that is random, and the 
 moments add up to that of the error, exactly. All sources go through one compiled and vectorised program.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,8 @@ from jaxtyping import Float, Float64, Int
 
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bounded
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
@@ -31,8 +33,9 @@ from nav_jax.lincov.covariance import Noise, covariances_of_many, motion_of, noi
 from nav_jax.statistics.epochs import Judged
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
-class Budget(Judged, Drawable):
+class Budget(Judged, Drawable, Saved):
     """The result of `error_budget`: mean squares of a filter's errors by source.
 
     Attributes
@@ -51,8 +54,8 @@ class Budget(Judged, Drawable):
     time: Float64[np.ndarray, " E"]
     sources: tuple[str, ...]
     part: Float64[np.ndarray, "S E nav"]
-    outages: dict[str, tuple[tuple[float, float], ...]]
-    fixes: dict[str, Float64[np.ndarray, " _"]]
+    outages: Mapping[str, tuple[tuple[float, float], ...]]
+    fixes: Mapping[str, Float64[np.ndarray, " _"]]
 
     def mean_square(self, quantity: str) -> Float64[np.ndarray, "S E"]:
         """Of one of `nav_jax.filter.layout.QUANTITIES`, by source, SI."""

@@ -19,6 +19,8 @@ from jaxtyping import Float, Float64, Int, Key
 from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bounded
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup
@@ -34,8 +36,9 @@ _AT_ONCE = 16
 """Draws in one vectorised call."""
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
-class CalibrationEffect(Judged, Drawable):
+class CalibrationEffect(Judged, Drawable, Saved):
     """The result of `calibration_effect`: what the uncertainty of noise parameters does to navigation.
 
     Attributes
@@ -55,12 +58,12 @@ class CalibrationEffect(Judged, Drawable):
     """
 
     time: Float64[np.ndarray, " E"]
-    rms: dict[str, Float64[np.ndarray, " E"]]
-    used: dict[str, Float64[np.ndarray, "D E"]]
-    best: dict[str, Float64[np.ndarray, "D E"]]
-    delta_sd: dict[str, Float64[np.ndarray, " E"]]
-    outages: dict[str, tuple[tuple[float, float], ...]]
-    fixes: dict[str, Float64[np.ndarray, " _"]]
+    rms: Mapping[str, Float64[np.ndarray, " E"]]
+    used: Mapping[str, Float64[np.ndarray, "D E"]]
+    best: Mapping[str, Float64[np.ndarray, "D E"]]
+    delta_sd: Mapping[str, Float64[np.ndarray, " E"]]
+    outages: Mapping[str, tuple[tuple[float, float], ...]]
+    fixes: Mapping[str, Float64[np.ndarray, " _"]]
 
     def interval(self, quantity: str, level: float = 0.95) -> Float64[np.ndarray, "2 E"]:
         """Interval of the RMS error: quantiles over the draws."""

@@ -4,7 +4,7 @@ Of the truth, and of what the filter believes, separately. Where the filter beli
 the derivatives by what it believes vanish, and only those by the truth remain.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,8 @@ from jaxtyping import Float, Float64, Int
 
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bounded
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
@@ -37,8 +39,9 @@ def rms_of(navigation: Float[Array, "*L E nav nav"]) -> Float[Array, "*L Q E"]:
     return jnp.stack([root(variance[..., jnp.array(c)].sum(axis=-1)) for c, _, _ in QUANTITIES.values()], axis=-2)
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities(Judged, Drawable):
+class Sensitivities(Judged, Drawable, Saved):
     """The result of `sensitivities`: derivatives of RMS errors by parameters.
 
     Attributes
@@ -60,10 +63,10 @@ class Sensitivities(Judged, Drawable):
     time: Float64[np.ndarray, " E"]
     sides: tuple[str, ...]
     names: tuple[str, ...]
-    rms: dict[str, Float64[np.ndarray, " E"]]
-    derivative: dict[str, Float64[np.ndarray, "E P"]]
-    outages: dict[str, tuple[tuple[float, float], ...]]
-    fixes: dict[str, Float64[np.ndarray, " _"]]
+    rms: Mapping[str, Float64[np.ndarray, " E"]]
+    derivative: Mapping[str, Float64[np.ndarray, "E P"]]
+    outages: Mapping[str, tuple[tuple[float, float], ...]]
+    fixes: Mapping[str, Float64[np.ndarray, " _"]]
 
     def elasticity(self, quantity: str) -> Float64[np.ndarray, "E P"]:
         """Relative change of an RMS by a relative change of each parameter."""

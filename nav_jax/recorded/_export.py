@@ -23,14 +23,16 @@ _TABLES = (".csv", ".npz")
 # A Navigation is Any here: its own file imports this one.
 
 
-def save_navigation(navigation: Any, path: str | os.PathLike[str], *, origin: Any, start: Any, interval: Real) -> Path:
-    """Write a solution; parameters as of `Navigation.save`."""
+def export_navigation(
+    navigation: Any, path: str | os.PathLike[str], *, origin: Any, start: Any, interval: Real
+) -> Path:
+    """Write the track; parameters as of `Navigation.export`."""
     file = Path(path)
     suffix = file.suffix.lower()
     if suffix in MAPS:
         return save_trajectory(navigation.trajectory, file, origin=origin, start=start, interval=interval)
     if suffix not in _TABLES:
-        raise ValueError(f"A navigation solution is saved as {', '.join((*_TABLES, *MAPS))}, and the path is {file}.")
+        raise ValueError(f"A track is exported as {', '.join((*_TABLES, *MAPS))}, and the path is {file}.")
     columns = table_columns(navigation, origin)
     if suffix == ".npz":
         arrays: Any = columns

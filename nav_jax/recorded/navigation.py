@@ -14,6 +14,8 @@ from jaxtyping import Float64, Int
 from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.programs import bound_programs, bounded
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -36,7 +38,7 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.state import NavState
-from nav_jax.recorded._export import navigation_dataset, save_navigation
+from nav_jax.recorded._export import export_navigation, navigation_dataset
 from nav_jax.recorded.reference import ReferenceErrors
 from nav_jax.recorded.withheld import Withheld
 from nav_jax.statistics.distributions import chi2_quantile
@@ -46,8 +48,23 @@ if TYPE_CHECKING:
     import xarray
 
 
+_OF_A_FAILED_FILTER = ("sd", "sensor_errors", "innovation", "innovation_sd", "nis")
+"""Fields that are NaN from the epoch on at which it failed."""
+
+
+def _check(navigation: "Navigation") -> None:
+    """Raise where innovations are not those of the fixes, which nothing could have made."""
+    given = {f.sensor.name: int(f.given.sum()) for f in navigation.fixes}
+    for name, found in (("innovation", navigation.innovation), ("nis", navigation.nis)):
+        if {sensor: len(x) for sensor, x in found.items()} != given:
+            raise ValueError(f"{name} is of {', '.join(found) or 'no sensor'}, and not of the fixes that were given.")
+    if not set(navigation.withheld) <= set(given):
+        raise ValueError("There are fixes that were withheld of sensors without fixes.")
+
+
+@saved(not_finite=_OF_A_FAILED_FILTER, check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
-class Navigation(Drawable):
+class Navigation(Drawable, Saved):
     """The result of `navigate`: an integrated navigation solution.
 
     At an epoch with fixes they are what the filter says after the update by all fixes of that epoch, also at the last
@@ -99,13 +116,14 @@ class Navigation(Drawable):
         """All estimates and innovations as a Dataset with units; needs the extra ``io``."""
         return navigation_dataset(self)
 
-    def save(
+    def export(
         self, path: str | os.PathLike[str], *, origin: Any = None, start: Any = None, interval: Real = 1.0
     ) -> Path:
-        """Write the estimates to a file: ``.csv``, ``.npz``, ``.kml`` or ``.gpx``.
+        """Write the track for other programs: a table ``.csv`` or ``.npz``, a map ``.kml`` or ``.gpx``.
 
-        A table has the columns of `nav_jax.trajectory.save_trajectory`, by which `read_trajectory` reads it, then the
-        standard deviations and the estimated errors of the sensors. A file of maps has the track.
+        `save` writes all of the solution, and `load` gives that back. A table has the columns of
+        `nav_jax.trajectory.save_trajectory`, by which `read_trajectory` reads it, then the standard deviations and the
+        estimated errors of the sensors. A file of maps has the track.
 
         Parameters
         ----------
@@ -130,10 +148,10 @@ class Navigation(Drawable):
         >>> filter = nj.ImuErrors("WN(sigma2=0.04)", "WN(sigma2=1e-8)", rate=20.0)
         >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
         >>> free = nj.navigate(samples, [], filter, **start, initial=nj.InitialUncertainty())
-        >>> free.save("free.csv").name, free.save("free.kml", origin=(0.8, 0.1, 400.0)).name
+        >>> free.export("free.csv").name, free.export("free.kml", origin=(0.8, 0.1, 400.0)).name
         ('free.csv', 'free.kml')
         """
-        return save_navigation(self, path, origin=origin, start=start, interval=interval)
+        return export_navigation(self, path, origin=origin, start=start, interval=interval)
 
     def plot(self, *, sigmas: float = 3.0, axes: GivenAxes | None = None) -> Figure:
         """Draw the track with the fixes, and what the filter says of its uncertainty.

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.layout import GROUPS, NAVIGATION, QUANTITIES
 
 
+@saved(not_finite=("nees",))
 @dataclass(frozen=True, eq=False, repr=False)
 class ReferenceErrors:
     """Estimate - reference at the outputs and fixes that the reference covers.

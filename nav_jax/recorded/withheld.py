@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 
 _WITH_PLAN = ("n", "e", "d")
 """Axes of which two are horizontal."""
 
 
+@saved()
 @dataclass(frozen=True, eq=False, repr=False)
 class Withheld:
     """Fixes of a sensor in its outages, which were kept from the filter, beside its predictions of them.

@@ -64,12 +64,25 @@ def results(fit):
         "bootstrap": gj.bootstrap(fit, 20, key=jax.random.key(0)),
         "joint fit": gj.fit_records(wvs, "WN + RW"),
         "joint fits": gj.fit_records([several, several], "WN"),
+        "Allan deviation": gj.allan_deviation(several),
+        "goodness of fit": gj.inference.goodness_of_fit(fit),
+        "regression": with_trend(),
+        "robust comparison": gj.variance.compare_robust(record(2000, 4)["accel_x"]),
+        "records compared": gj.multisignal.compare_records(gj.fit_records(wvs, "WN + RW")),
     }
+
+
+def with_trend():
+    """Of a record with missing samples."""
+    y = np.random.default_rng(5).normal(size=400)
+    y[20:30] = np.nan
+    return gj.regress(y, gj.regression.trend(np.arange(400.0)), "WN", rate=1.0)
 
 
 KINDS = (
     "wavelet variance", "of several channels", "with gaps", "robust", "from a table", "fit", "fit with weights given",
     "fit with a value held", "fit at a boundary", "fits", "selection", "bootstrap", "joint fit", "joint fits",
+    "Allan deviation", "goodness of fit", "regression", "robust comparison", "records compared",
 )  # fmt: skip
 
 
@@ -92,7 +105,9 @@ def test_all_kinds_are_there(results):
     [
         ("wavelet variance", "wavelet_variance_data"), ("fit", "fit_data"), ("fits", "fits_data"),
         ("selection", "selection_data"), ("bootstrap", "bootstrap_data"), ("joint fit", "joint_fit_data"),
-        ("joint fits", "joint_fits_data"),
+        ("joint fits", "joint_fits_data"), ("Allan deviation", "allan_deviation_data"),
+        ("regression", "regression_data"), ("robust comparison", "robust_comparison_data"),
+        ("records compared", "record_comparison_data"),
     ],
 )  # fmt: skip
 def test_it_is_drawn_as_before(results, tmp_path, kind, figure):
@@ -152,9 +167,11 @@ def test_files_know_these_classes():
     assert own == [
         f"gmwm_jax.{name}"
         for name in (
-            "AbstractProcess", "Bootstrap", "Candidate", "Channels", "Composite", "Covariance", "Default", "Dwt", "Fit",
-            "Given", "Iterated", "JointFit", "MeanOfRecords", "Modwt", "Pairs", "Robust", "Selection", "TwoStep",
-            "WaveletVariance", "WaveletVariances",
+            "AbstractProcess", "AllanDeviation", "Bootstrap", "Candidate", "Channels", "Coefficients", "Composite",
+            "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given", "GoodnessOfFit", "Iterated", "JointFit",
+            "MeanOfRecords", "ModelScore", "Modwt", "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread",
+            "RecordComparison", "Regression", "Robust", "RobustComparison", "Selection", "TwoStep", "WaveletVariance",
+            "WaveletVariances",
         )
     ]  # fmt: skip
 

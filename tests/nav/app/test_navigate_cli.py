@@ -61,7 +61,7 @@ attitude_sd = "3 deg"
 file = "reference.csv"
 
 [output]
-save = "track.gpx"
+export = "track.gpx"
 """
 
 
@@ -133,7 +133,9 @@ def test_the_record_is_put_together(drive, written):
 
 
 def test_navigate(drive, written, tmp_path):
-    stdout = call("navigate", drive, "--filter", "right", "--out", tmp_path, "--json", tmp_path / "a.json").stdout
+    saved = written[0] / "a.npz"
+    report = ("--out", tmp_path, "--json", tmp_path / "a.json", "--save", saved)
+    stdout = call("navigate", drive, "--filter", "right", *report).stdout
     assert "horizontal error at the end [m]" in stdout
     assert "Errors against the reference" in stdout
     assert "fixes lie in the record." in stdout
@@ -150,6 +152,7 @@ def test_navigate(drive, written, tmp_path):
     figures = {"track.png", "innovations.png", "sensors.png", "outages.png"}
     assert {p.name for p in tmp_path.iterdir()} == figures | {"navigation.txt", "navigation.json", "a.json"}
     assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in figures)
+    assert repr(nj.load(saved)) in stdout
     # times in UTC, on a map
     track = nj.read_gnss(written[0] / "track.gpx", origin=(*np.deg2rad(ORIGIN[:2]), ORIGIN[2]))
     exact = written[1]
@@ -169,7 +172,8 @@ BAD = [
     ({'exclude = ["single"]': 'clock = "sun"'}, [], "The clock is one of week"),
     ({'exclude = ["single"]': "believed = [1, 2]"}, [], "believed: what the filter believes of recorded fixes"),
     ({'file = "reference.csv"': 'file = "imu.csv"'}, [], "[reference]: "),
-    ({"imu": "imu"}, ["--save", "a.txt"], "estimates are saved as .csv, .npz, .kml, .gpx"),
+    ({"imu": "imu"}, ["--export", "a.txt"], "tracks are exported as .csv, .npz, .kml, .gpx"),
+    ({"imu": "imu"}, ["--save", "a.gpx"], "solutions are saved as .npz, .json, .nc, .zarr"),
     ({"horizontal = \"0.1 m/s\"\n": ""}, [], "[[aiding]] 2: gnss_velocity: the file has no standard deviations"),
 ]  # fmt: skip
 
@@ -187,7 +191,7 @@ def test_bad_input_is_one_line(drive, by, arguments, message):
 
 
 def test_an_output_is_not_written_over_an_input(drive):
-    text = drive.read_text().replace('save = "track.gpx"', 'save = "reference.csv"')
+    text = drive.read_text().replace('export = "track.gpx"', 'export = "reference.csv"')
     drive.write_text(text)
     assert "reference.csv" in call("navigate", drive, code=2).stderr
 

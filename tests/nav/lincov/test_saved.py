@@ -4,7 +4,14 @@ import jax
 import numpy as np
 import pytest
 from helpers import arrays_of, assert_same_result
-from nav.synthetic_analysis import OUTAGE, make_analysis, make_design
+from nav.synthetic_analysis import (
+    OUTAGE,
+    make_analysis,
+    make_budget,
+    make_calibration,
+    make_design,
+    make_sensitivities,
+)
 
 import gmwm_jax as gj
 import nav_jax as nj
@@ -15,7 +22,7 @@ FORMATS = (".npz", ".json", ".nc", ".zarr")
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-@pytest.mark.parametrize("make", [make_analysis, make_design])
+@pytest.mark.parametrize("make", [make_analysis, make_budget, make_calibration, make_design, make_sensitivities])
 def test_a_result_comes_back_as_it_was(tmp_path, make, suffix):
     given = make()
     found = nj.load(given.save(tmp_path / f"x{suffix}"))
@@ -23,7 +30,13 @@ def test_a_result_comes_back_as_it_was(tmp_path, make, suffix):
     assert_same_result(type(given).load(tmp_path / f"x{suffix}"), given)
 
 
-@pytest.mark.parametrize(("make", "figure"), [(make_analysis, "analysis_data"), (make_design, "design_data")])
+@pytest.mark.parametrize(
+    ("make", "figure"),
+    [
+        (make_analysis, "analysis_data"), (make_budget, "budget_data"), (make_calibration, "calibration_data"),
+        (make_design, "design_data"), (make_sensitivities, "sensitivities_data"),
+    ],
+)  # fmt: skip
 def test_it_is_drawn_as_before(tmp_path, make, figure):
     given = make()
     data = getattr(nj.plotting, figure)
@@ -120,8 +133,9 @@ def test_files_know_these_classes():
     assert own == [
         f"nav_jax.{name}"
         for name in (
-            "Analysis", "Barometer", "Candidate", "Comparison", "Covariances", "Design", "Estimates", "FlatEarth",
-            "GnssPosition", "GnssVelocity", "ImuErrors", "InitialUncertainty", "Misalignment", "Odometer", "OwnState",
-            "Runs", "ScaleFactor", "Scenario", "Track", "Trajectory", "Tuning",
+            "Analysis", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison", "Covariances", "Design",
+            "Estimates", "Fixes", "FlatEarth", "GnssPosition", "GnssVelocity", "ImuErrors", "InitialUncertainty",
+            "Misalignment", "Navigation", "Odometer", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
+            "Sensitivities", "Track", "Trajectory", "Tuning", "Withheld",
         )
     ]  # fmt: skip

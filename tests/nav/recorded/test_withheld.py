@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers import arrays_of, assert_same_result
 from scipy import stats
 
 import nav_jax as nj
+from gmwm_jax._internal.state_files import Content, write_state
+from gmwm_jax._internal.states import State, to_state
 
 RATE = 20.0
 REFERENCE = nj.motions.lemniscate(duration=60.0, rate=RATE)
@@ -126,7 +129,7 @@ def test_a_smoother_has_predictions_too(drive, solution):
 
 def test_tables_come_back(solution, tmp_path):
     for suffix in (".csv", ".npz"):
-        path = solution.save(tmp_path / f"a{suffix}")
+        path = solution.export(tmp_path / f"a{suffix}")
         again = nj.read_trajectory(path)
         np.testing.assert_allclose(again.position, solution.trajectory.position, rtol=0, atol=1e-12)
         np.testing.assert_allclose(again.velocity, solution.trajectory.velocity, rtol=0, atol=1e-12)
@@ -135,27 +138,70 @@ def test_tables_come_back(solution, tmp_path):
     np.testing.assert_array_equal(columns["sd_gyro_z_rad_s"], solution.sd[:, 14])
     np.testing.assert_array_equal(columns["accel_x_error_m_s2"], solution.sensor_errors[:, 0])
     origin = (0.8, 0.1, 400.0)
-    solution.save(tmp_path / "b.csv", origin=origin)
+    solution.export(tmp_path / "b.csv", origin=origin)
     there = nj.read_trajectory(tmp_path / "b.csv", position="geodetic", origin=origin)
     np.testing.assert_allclose(there.position, solution.trajectory.position, rtol=0, atol=1e-7)
-    with pytest.raises(ValueError, match=r"saved as \.csv, \.npz, \.kml, \.gpx"):
-        solution.save(tmp_path / "a.txt")
+    with pytest.raises(ValueError, match=r"exported as \.csv, \.npz, \.kml, \.gpx"):
+        solution.export(tmp_path / "a.txt")
 
 
 def test_maps(solution, tmp_path):
     origin, start = (0.8, 0.1, 400.0), np.datetime64("2024-07-08T12:00:00")
-    solution.save(tmp_path / "a.gpx", origin=origin, start=start, interval=5.0)
+    solution.export(tmp_path / "a.gpx", origin=origin, start=start, interval=5.0)
     points = nj.read_gnss(tmp_path / "a.gpx", origin=origin, clock="day")
     np.testing.assert_allclose(points.time, 43200 + np.arange(0.0, 61.0, 5.0), rtol=0, atol=1e-3)
     rows = np.searchsorted(solution.time, points.time - 43200 - 1e-9)
     np.testing.assert_allclose(points.position, solution.trajectory.position[rows], rtol=0, atol=1e-3)
-    text = solution.save(tmp_path / "a.kml", origin=origin).read_text()
+    text = solution.export(tmp_path / "a.kml", origin=origin).read_text()
     assert text.count(",") == 2 * 61
     assert "<when>" not in text
-    timed = solution.save(tmp_path / "b.kml", origin=origin, start=start).read_text()
+    timed = solution.export(tmp_path / "b.kml", origin=origin, start=start).read_text()
     assert timed.count("<when>") == timed.count("<gx:coord>") == 61
     with pytest.raises(ValueError, match="give origin="):
-        solution.save(tmp_path / "c.kml")
+        solution.export(tmp_path / "c.kml")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json", ".nc", ".zarr"])
+def test_a_solution_comes_back_as_it_was(solution, tmp_path, suffix):
+    path = solution.save(tmp_path / f"drive{suffix}")
+    found = nj.load(path)
+    assert_same_result(found, solution)
+    assert_same_result(nj.recorded.Navigation.load(path), solution)
+    assert repr(found) == repr(solution)
+    if suffix != ".npz":
+        return
+    for figure in ("navigation_data", "innovations_data", "sensor_estimates_data", "withheld_data"):
+        data = getattr(nj.plotting, figure)
+        shown, before = arrays_of(data(found)), arrays_of(data(solution))
+        assert shown
+        for a, b in zip(shown, before, strict=True):
+            np.testing.assert_array_equal(a, b)
+    assert found.plot().axes
+
+
+def test_a_solution_without_aiding_comes_back(drive, tmp_path):
+    imu, _, start, _ = drive
+    free = nj.navigate(imu, [], ERRORS, **start)
+    assert_same_result(nj.load(free.save(tmp_path / "free.json")), free)
+
+
+def test_a_solution_whose_innovations_are_of_no_fixes_is_refused(solution, tmp_path):
+    state = to_state(solution)
+    for part, complaint in (
+        ({"fixes": []}, "innovation is of gnss_position, and not of the fixes that were given"),
+        ({"nis": {}}, "nis is of no sensor, and not of the fixes"),
+    ):
+        content = Content("nav_jax.Navigation", State({**state.tree, **part}, state.arrays))
+        with pytest.raises(ValueError, match=complaint):
+            nj.load(write_state(tmp_path / "x.npz", content))
+
+
+def test_a_track_is_no_solution(solution, tmp_path):
+    """Both may be .npz, and neither is taken for the other."""
+    with pytest.raises(ValueError, match=r"track\.npz"):
+        nj.load(solution.export(tmp_path / "track.npz"))
+    with pytest.raises(ValueError, match=r"\.gpx"):
+        solution.save(tmp_path / "track.gpx")
 
 
 def test_a_dataset_with_units(solution):
