@@ -449,7 +449,7 @@ def test_archives_that_would_be_large(tmp_path, monkeypatch):
 def test_a_state_that_is_nested_too_deeply(fit, tmp_path):
     state = to_state(fit)
     weights = {"class": "gmwm_jax.Default"}
-    for _ in range(300):
+    for _ in range(600):
         weights = {"class": "gmwm_jax.TwoStep", "first": weights}
     content = Content("gmwm_jax.Fit", State({**state.tree, "weights": weights}, state.arrays))
     with pytest.raises(ValueError, match=r"nested too deeply|cannot be read"):
