@@ -20,6 +20,7 @@ from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.bias import WhiteAndBias, summary_rows, white_and_bias
+from gmwm_jax.fitting.contradictions import contradictions
 from gmwm_jax.fitting.exports.noise import ChannelNoise
 from gmwm_jax.fitting.exports.registry import format_of
 from gmwm_jax.fitting.outcome import Outcome
@@ -153,6 +154,11 @@ class Fit(Drawable, Saved, Labelled):
             build: Any = cls
             kept = [*(p for p in kept if not isinstance(p, cls)), build(amplitude)]
         return Composite(kept or [WN(0.0)])
+
+    @cached_property
+    def contradictions(self) -> tuple[str, ...]:
+        """Sentences about held values that the data contradict by orders of magnitude; mostly none."""
+        return contradictions(self.model, self.wv, self.omega, self.objective)
 
     # -- uncertainty ----------------------------------------------------------------------------------------------
 
@@ -302,6 +308,7 @@ class Fit(Drawable, Saved, Labelled):
             f"objective {self.objective:.8g} ({self.weights.name} weights) with {free} free parameters on "
             f"{wv.num_scales} scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this "
             "minimum",
+            *(f"warning: {text}" for text in self.contradictions),
             "",
             str(self.parameters()),
         ]
@@ -503,6 +510,7 @@ class Fit(Drawable, Saved, Labelled):
             "level": self.level,
             "status": self.status.value,
             "agreement": self.agreement,
+            "contradictions": list(self.contradictions),
             "parameters": self.parameters().to_list(),
             "scales": self.wv.scales.tolist(),
             "variance": self.wv.variance.tolist(),
