@@ -63,3 +63,26 @@ def arrays_of(data):
         return [data]
     parts = data.values() if isinstance(data, dict) else data if isinstance(data, list | tuple) else []
     return [array for part in parts for array in arrays_of(part)]
+
+
+class Told:
+    """A function for ``progress=``, which keeps what it is told, and raises `error` when `most` is done."""
+
+    def __init__(self, most: int | None = None, error: type[BaseException] = LookupError):
+        self.heard: list[tuple[int, int | None]] = []
+        self.most, self.error = most, error
+
+    def __call__(self, done: int, total: int | None) -> None:
+        """Hear it."""
+        self.heard.append((done, total))
+        if self.most is not None and done >= self.most:
+            raise self.error("enough")
+
+    def assert_whole(self, total: int | None, at_least: int = 2) -> None:
+        """It was told from the start to the end, in order."""
+        done = [heard for heard, _ in self.heard]
+        assert done[0] == 0
+        assert done == sorted(set(done))
+        assert len(done) >= at_least
+        assert {of for _, of in self.heard} == {total}
+        assert total is None or done[-1] == total

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Int
 
-from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.progress import Bar, Progress, progress_bar
 
 
 def chunks(num: int, size: int) -> Iterator[tuple[Int[np.ndarray, " size"], int]]:
@@ -31,8 +31,8 @@ def stream_keys(keys: Any, number: int) -> Any:
 
 
 @contextmanager
-def until_interrupted(done: Sized, total: int, unit: str, progress: bool) -> Iterator[Any]:
-    """Show a progress bar while `done` grows; an interrupt from the keyboard ends that, unless nothing is done yet.
+def until_interrupted(done: Sized, total: int, unit: str, progress: Progress) -> Iterator[Bar]:
+    """Show progress while `done` grows; an interrupt from the keyboard ends that, unless nothing is done yet.
 
     Yields
     ------

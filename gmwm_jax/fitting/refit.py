@@ -5,6 +5,7 @@ correlation times, and one more from each of them moved by a factor of four eith
 no lattice.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -71,6 +72,7 @@ def refit_whitened(
     tau: Float[np.ndarray, " J"],
     y: Float[np.ndarray, "B J"],
     whitener: Float[np.ndarray, "B J J"],
+    told: Callable[[int], object] = lambda count: None,
 ) -> Refits:
     """Estimate a model again, near its own values, from whitened wavelet variances.
 
@@ -82,6 +84,8 @@ def refit_whitened(
         Spans.
     y, whitener
         L' nu_hat and L' of each, Omega = L L'.
+    told
+        Hears how many more are done.
     """
     problem = Problem.of(model, float(tau[-1]))
     starts, parts = problem.starts_near(), []
@@ -94,6 +98,7 @@ def refit_whitened(
             problem.fitted_variances(solution, tau),
         )
         parts.append([leaf[:count] for leaf in found])
+        told(count)
     return Refits(*(np.concatenate(leaves) for leaves in zip(*parts, strict=True)))
 
 

@@ -15,6 +15,7 @@ from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicat
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.memory import FLOAT, require_memory
+from gmwm_jax._internal.progress import Progress
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
@@ -196,7 +197,7 @@ def bootstrap(
     *,
     key: PRNGKey,
     route: str = VARIANCES,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Bootstrap:
     """Replicate a fit with its model as the truth.
 
@@ -211,7 +212,8 @@ def bootstrap(
     route
         ``variances`` draws wavelet variances from their theoretical distribution, ``records`` simulates records.
     progress
-        Show a progress bar (needs the extra ``app``).
+        Show a bar (needs the extra ``app``); or a function of what is done and the total, which may cancel by
+        raising.
 
     Returns
     -------

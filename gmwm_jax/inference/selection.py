@@ -24,7 +24,7 @@ from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
-from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.progress import Progress, progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -255,7 +255,7 @@ def select(
     num_replicates: int = 0,
     key: PRNGKey | None = None,
     level: float = 0.95,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Selection: ...
 @overload
 def select(
@@ -268,7 +268,7 @@ def select(
     num_replicates: int = 0,
     key: PRNGKey | None = None,
     level: float = 0.95,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Channels[Selection]: ...
 @overload
 def select(
@@ -281,7 +281,7 @@ def select(
     num_replicates: int = 0,
     key: PRNGKey | None = None,
     level: float = 0.95,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Selection | Channels[Selection]: ...
 def select(
     data: WaveletVariance | WaveletVariances | Recording,
@@ -293,7 +293,7 @@ def select(
     num_replicates: int = 0,
     key: PRNGKey | None = None,
     level: float = 0.95,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Selection | Channels[Selection]:
     """Rank models by how well they would describe other data of the same sensor, and recommend the simplest good one.
 
@@ -318,7 +318,8 @@ def select(
     key
         For the replicates.
     progress
-        Show a progress bar of the replicates (needs tqdm).
+        Show a bar of the replicates (needs the extra ``app``); or a function of what is done and the total, which may
+        cancel by raising.
 
     Returns
     -------
@@ -377,7 +378,7 @@ def _candidates(models: Model | Sequence[Model], nested: bool) -> tuple[Composit
 
 
 def _select(
-    whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, progress: bool
+    whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, progress: Progress
 ) -> Selection:
     # the covariance that the weights are the inverse of is that of the fit before
     V = np.linalg.inv(whole.omega) if whole.weights.inverts_covariance else whole.wv_covariance
@@ -441,7 +442,7 @@ def _own_covariance(whole: Fit, fit: Fit) -> Float[np.ndarray, "J J"]:
 
 
 def _optimism_of_replicates(
-    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: bool
+    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: Progress
 ) -> Float[np.ndarray, " M"]:
     """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
     nu = theory_draws(whole.model, whole.wv, V)(numbered_keys(key, range(num)))

@@ -25,6 +25,7 @@ from scipy.special import stdtr, stdtrit
 
 from gmwm_jax._internal.checks import confidence, integer, require_x64, typed_key
 from gmwm_jax._internal.memory import FLOAT, require_memory
+from gmwm_jax._internal.progress import Progress, progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.standard_errors import evaluate
@@ -198,7 +199,9 @@ class RecordResamples:
         )
 
 
-def resample_records(joint: JointFit, limit: int = 500, *, key: PRNGKey | None = None) -> RecordResamples:
+def resample_records(
+    joint: JointFit, limit: int = 500, *, key: PRNGKey | None = None, progress: Progress = False
+) -> RecordResamples:
     """Estimate jointly from sets of records drawn with replacement, for intervals of the mean sensor.
 
     Parameters
@@ -210,6 +213,8 @@ def resample_records(joint: JointFit, limit: int = 500, *, key: PRNGKey | None =
         probability, and nothing is random.
     key
         ``jax.random.key(seed)``, needed if there are more: then `limit` sets are drawn.
+    progress
+        Show a bar (needs the extra ``app``); or a function of what is done and the total, which may cancel by raising.
 
     Returns
     -------
@@ -255,5 +260,9 @@ def resample_records(joint: JointFit, limit: int = 500, *, key: PRNGKey | None =
         probability = np.full(limit, 1 / limit)
     counts = counts.astype(np.float64)
     omega = np.einsum("br,rjk->bjk", counts, joint.pool.omegas)
-    found = joint_refit(joint, omega, counts @ joint.pool.moments)
+    bar = progress_bar(len(counts), "set", progress)
+    try:
+        found = joint_refit(joint, omega, counts @ joint.pool.moments, bar.update)
+    finally:
+        bar.close()
     return RecordResamples(joint, counts, probability, found.values, found.converged, exact)

@@ -17,6 +17,7 @@ from gmwm_jax._internal.checks import integer, require_x64, typed_key
 from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, stream_keys, until_interrupted
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.memory import FLOAT, require_memory
+from gmwm_jax._internal.progress import Progress
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import PRNGKey
@@ -82,7 +83,7 @@ def near_stationarity(
     *,
     key: PRNGKey,
     route: str = VARIANCES,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> NearStationarity:
     """Test whether all records have the same parameters, by replicates of records that do.
 
@@ -97,7 +98,8 @@ def near_stationarity(
     route
         ``variances`` draws wavelet variances from their theoretical distribution, ``records`` simulates records.
     progress
-        Show a progress bar (needs the extra ``app``).
+        Show a bar (needs the extra ``app``); or a function of what is done and the total, which may cancel by
+        raising.
 
     Returns
     -------

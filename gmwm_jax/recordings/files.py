@@ -13,7 +13,7 @@ from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.columns import Columns, Stamps, plain_name
 from gmwm_jax._internal.limits import size_in_bytes
-from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.progress import Progress, progress_bar
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import SAVED_RECORDING, open_file, require_file
 from gmwm_jax._internal.timing import GAPS, Timing, drift_of, longest_rise, timing
@@ -58,7 +58,7 @@ def read_recording(
     variable: str | None = None,
     name: str | None = None,
     max_bytes: int | str | None = None,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Recording:
     """Read a recording from a file; its content and its suffix tell the format.
 

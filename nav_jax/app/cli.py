@@ -143,7 +143,7 @@ def run(
         raise ValueError(f"There are several filters ({', '.join(known.filters)}): choose by --filter, or use compare.")
     name = _chosen(known.filters, filter_name)
     targets = _targets(known, config.parent, out, json_file, plot, save)
-    result = known.compare(num_runs=num_runs, seed=seed, only=[name], progress=sys.stderr.isatty())
+    result = known.compare(num_runs=num_runs, seed=seed, only=[name], progress=True)
     _finish(result, repr(result[name]) + (f"\n\n{result.table()}" if result.num_common >= 2 else ""), targets)
 
 
@@ -164,7 +164,7 @@ def compare(
     if len(known.filters) < 2:
         raise ValueError(f"A comparison takes two filters or more, and {config} has {len(known.filters)}: use run.")
     targets = _targets(known, config.parent, out, json_file, plot, save)
-    result = known.compare(num_runs=num_runs, seed=seed, progress=sys.stderr.isatty())
+    result = known.compare(num_runs=num_runs, seed=seed, progress=True)
     _finish(result, repr(result), targets)
 
 
@@ -221,7 +221,7 @@ def design(
         max_states=max_states,
         objective=objective,
         max_steps=max_steps,
-        progress=sys.stderr.isatty(),
+        progress=True,
     )
     best = found.best()
     filters = {"designed": best.errors, "truncated": best.naive, "right": truth}
@@ -229,7 +229,7 @@ def design(
     confirmed = None
     if confirm is not None:
         again = replace(known, filters=filters)
-        confirmed = again.compare(num_runs=confirm, seed=seed, progress=sys.stderr.isatty())
+        confirmed = again.compare(num_runs=confirm, seed=seed, progress=True)
     _give(design_report(found, best, confirmed), json_file, folder, plot=plot)
     if confirmed is not None:
         _tell_of_runs(confirmed)
@@ -318,7 +318,7 @@ def tune(
     folder, plot = _folder(known.output, config.parent, out, plot)
     _say(f"Search from {name} ...")
     asked = {"tune_aiding": tune_aiding, "hold": hold or (), "prior": prior, "max_steps": max_steps}
-    found = known.tune(name, **asked, progress=sys.stderr.isatty())
+    found = known.tune(name, **asked, progress=True)
     _give(tuning_report(found), json_file, folder, plot=plot)
 
 
@@ -331,7 +331,7 @@ def demo(
     """Compare filters that believe three fits of the simulated MTi-G recording, through a GNSS outage of 40 s."""
     from nav_jax.app.demo import run_demo
 
-    _tell_of_runs(run_demo(fits, out, num_runs, typer.echo, progress=sys.stderr.isatty()))
+    _tell_of_runs(run_demo(fits, out, num_runs, typer.echo, progress=True))
 
 
 class _Targets(NamedTuple):

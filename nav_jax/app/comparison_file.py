@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import jax
 from pydantic import BaseModel, ValidationError
 
+from gmwm_jax._internal.progress import Progress
 from nav_jax.app.sections import (
     AIDING,
     MOTIONS,
@@ -62,7 +63,12 @@ class Config:
     output: OutputSection
 
     def compare(
-        self, *, num_runs: int | None = None, seed: int | None = None, only: Sequence[str] = (), progress: bool = False
+        self,
+        *,
+        num_runs: int | None = None,
+        seed: int | None = None,
+        only: Sequence[str] = (),
+        progress: Progress = False,
     ) -> Comparison:
         """Run it.
 
@@ -73,7 +79,7 @@ class Config:
         only
             Some of the filters; all by default.
         progress
-            Show a progress bar.
+            Show a bar.
         """
         run = self.run
         return compare(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.progress import Progress
 from nav_jax.app.comparison_file import read_config
 from nav_jax.app.reports import comparison_report
 from nav_jax.simulation.comparison import Comparison
@@ -60,7 +61,9 @@ folder = "."
 """
 
 
-def run_demo(fits: Path, out: Path, num_runs: int, say: Callable[[str], Any], *, progress: bool = False) -> Comparison:
+def run_demo(
+    fits: Path, out: Path, num_runs: int, say: Callable[[str], Any], *, progress: Progress = False
+) -> Comparison:
     """Write a configuration, run it, and write its tables and figures.
 
     Parameters
@@ -74,7 +77,7 @@ def run_demo(fits: Path, out: Path, num_runs: int, say: Callable[[str], Any], *,
     say
         Receives the text for the screen.
     progress
-        Show a progress bar.
+        Show a bar.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.memory import FLOAT, require_memory
+from gmwm_jax._internal.progress import Progress, progress_bar
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -262,6 +263,7 @@ def analyse(
     filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
     *,
     believed_initial: InitialUncertainty | None = None,
+    progress: Progress = False,
 ) -> Analysis:
     """Compute the true and the claimed covariance of filters that believe other noise models than the truth.
 
@@ -277,6 +279,9 @@ def analyse(
         Name -> what that filter believes, or one of them; the truth if not given.
     believed_initial
         What the filters believe of the start; its true uncertainty if not given.
+    progress
+        Show a bar of filters (needs the extra ``app``); or a function of what is done and the total, which may
+        cancel by raising.
 
     Raises
     ------
@@ -304,16 +309,15 @@ def analyse(
         f"Covariances of {len(filters)} filters in {segments} segments",
         "take a larger output_interval of the scenario, or fewer fixes",
     )
-    found = {
-        name: covariances_of(
-            setup,
-            linear_covariance(setup.experiment, truth, f, believed_initial=initial, motion=motion),
-            f,
-            name,
-            _unexcited(truth, f),
-        )
-        for name, f in filters.items()
-    }
+    found = {}
+    bar = progress_bar(len(filters), "filter", progress)
+    try:
+        for name, f in filters.items():
+            computed = linear_covariance(setup.experiment, truth, f, believed_initial=initial, motion=motion)
+            found[name] = covariances_of(setup, computed, f, name, _unexcited(truth, f))
+            bar.update(1)
+    finally:
+        bar.close()
     return Analysis(found, setup.reference.name, repr(truth))
 
 

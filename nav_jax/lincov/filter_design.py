@@ -24,6 +24,7 @@ from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.chunks import until_interrupted
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
+from gmwm_jax._internal.progress import Progress
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -226,7 +227,7 @@ def design(
     objective: str = "score",
     num_starts: int = 1,
     max_steps: int = 60,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Design:
     """Find the best filter of each structure WN + k GM an axis, by its true error along trajectories.
 
@@ -251,7 +252,8 @@ def design(
     max_steps
         Of each search.
     progress
-        Show a progress bar of structures (needs the extra ``app``).
+        Show a bar of structures (needs the extra ``app``); or a function of what is done and the total, which may
+        cancel by raising.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from gmwm_jax._internal.checks import integer, of_kind, probability
 from gmwm_jax._internal.checks import number as check_number
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
-from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.progress import Progress, progress_bar
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -168,7 +168,7 @@ def tune(
     every: int = EVERY,
     earth: AbstractEarth | None = None,
     level: float = 0.95,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Tuning:
     """Find the noise parameters under which the innovations of a recorded run are most likely.
 
@@ -190,7 +190,8 @@ def tune(
     level
         Confidence of the intervals.
     progress
-        Show a count of the steps (needs the extra ``app``).
+        Show a count of the steps (needs the extra ``app``); or a function of what is done and None, which may cancel
+        by raising.
 
     Returns
     -------

@@ -18,7 +18,7 @@ from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.interrupts import AbandonableExecutor
 from gmwm_jax._internal.memory import FLOAT, require_memory
-from gmwm_jax._internal.progress import progress_bar
+from gmwm_jax._internal.progress import Progress, progress_bar
 from nav_jax.filter.experiment import (
     GAINS,
     Setup,
@@ -57,7 +57,7 @@ def monte_carlo(
     chunk_size: int | None = None,
     workers: int | None = None,
     keep: Iterable[int] = (),
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Runs:
     """Run one filter many times along a reference, each time with new noise.
 
@@ -120,7 +120,7 @@ def compare(
     chunk_size: int | None = None,
     workers: int | None = None,
     keep: Iterable[int] = (),
-    progress: bool = False,
+    progress: Progress = False,
 ) -> Comparison:
     """Compare filters that believe different noise models on the same runs.
 
@@ -149,7 +149,8 @@ def compare(
     keep
         Numbers of runs whose whole trajectory is kept.
     progress
-        Show a progress bar (needs the extra ``app``).
+        Show a bar (needs the extra ``app``); or a function of what is done and the total, which may cancel by
+        raising.
 
     Returns
     -------
@@ -225,7 +226,7 @@ def _run_chunks(
     names: list[str],
     num_chunks: int,
     workers: int,
-    progress: bool,
+    progress: Progress,
     collected: dict[str, "_Collected"],
     size: int,
 ) -> int:
@@ -235,7 +236,7 @@ def _run_chunks(
     complete = np.zeros((num_chunks, len(names)), dtype=bool)
     bar = progress_bar(num_chunks * len(names) * size, "run", progress)
     pool = AbandonableExecutor(workers)
-    interrupted = False
+    ended = False
     waiting: dict[Future[dict[str, Any]], int] = {}
     try:
         for chunk, of in jobs:
@@ -244,11 +245,12 @@ def _run_chunks(
                 _collect(waiting, collected, complete, names, size, bar)
         while waiting:
             _collect(waiting, collected, complete, names, size, bar)
+        ended = True
     except KeyboardInterrupt:
-        interrupted = True
+        pass
     finally:
         # a chunk that is compiled or computed cannot be stopped, and is not waited for by who wants to stop
-        pool.shutdown(wait=not interrupted, cancel_futures=True)
+        pool.shutdown(wait=ended, cancel_futures=True)
         bar.close()
     whole = complete.all(axis=1)
     return int(num_chunks if whole.all() else np.argmin(whole))

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 from drawn import assert_shows
-from helpers import assert_covariance, assert_mean
+from helpers import Told, assert_covariance, assert_mean
 from programs import fitted, simulated, with_variance
 
 import gmwm_jax as gj
@@ -146,6 +146,16 @@ def test_an_interrupt_returns_what_is_done(fit, monkeypatch):
     assert "64 replicates of 300 asked for" in repr(boot)
     with pytest.raises(KeyboardInterrupt):
         gj.bootstrap(fit, 300, key=jax.random.key(1))
+
+
+def test_progress_is_told_and_cancels(fit):
+    told = Told()
+    whole = gj.bootstrap(fit, 100, key=jax.random.key(1), progress=told)
+    assert told.heard == [(0, 100), (64, 100), (100, 100)]
+    part = gj.bootstrap(fit, 100, key=jax.random.key(1), progress=Told(64, KeyboardInterrupt))
+    np.testing.assert_array_equal(part.values, whole.values[:64])
+    with pytest.raises(LookupError, match="enough"):
+        gj.bootstrap(fit, 100, key=jax.random.key(1), progress=Told(64))
 
 
 def test_bad_input(fit, boot, wv):

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from drawn import assert_shows
+from helpers import Told
 from programs import MEDIUM, NUM_RECORDS, blank, draws, sets_of_records, with_variance
 from scipy import stats
 
@@ -170,6 +171,19 @@ def test_an_interrupt_returns_what_is_done(joint, monkeypatch):
     assert "64 replicates of 200 asked for" in str(test)
     with pytest.raises(KeyboardInterrupt):
         gj.multisignal.near_stationarity(joint, 200, key=jax.random.key(1))
+
+
+def test_progress_is_told_and_cancels(joint):
+    told = Told()
+    gj.multisignal.near_stationarity(joint, 100, key=jax.random.key(1), progress=told)
+    assert told.heard == [(0, 100), (64, 100), (100, 100)]
+    with pytest.raises(LookupError, match="enough"):
+        gj.multisignal.near_stationarity(joint, 100, key=jax.random.key(1), progress=Told(64))
+    sets = Told()
+    gj.multisignal.resample_records(joint, progress=sets)
+    assert sets.heard == [(0, 35), (35, 35)]
+    with pytest.raises(LookupError, match="enough"):
+        gj.multisignal.resample_records(joint, progress=Told(0))
 
 
 # -- cross-validation -------------------------------------------------------------------------------------------------

@@ -212,7 +212,7 @@ def test_a_design_is_confirmed_on_request(config, tmp_path, monkeypatch):
     ((filters, named),) = seen
     assert filters["designed"] is d.best().errors
     assert filters["truncated"] is d.best().naive
-    assert named == {"num_runs": 40, "seed": 7, "progress": False}
+    assert named == {"num_runs": 40, "seed": 7, "progress": True}
     assert f"Monte Carlo of the best filter\n{result!r}" in stdout
     files = {p.name for p in (tmp_path / "out").iterdir()}
     assert files == {"design.txt", "design.json", "design.toml", "design.png", "confirmed.png"}

@@ -111,8 +111,8 @@ def test_num_runs_and_seed(config, monkeypatch, known):
     call("compare", config, "--num-runs", 9, "--seed", 5)
     call("run", config, "--filter", "right", "--num-runs", 8)
     assert asked == [
-        {"num_runs": 9, "seed": 5, "progress": False},
-        {"num_runs": 8, "seed": None, "only": ["right"], "progress": False},
+        {"num_runs": 9, "seed": 5, "progress": True},
+        {"num_runs": 8, "seed": None, "only": ["right"], "progress": True},
     ]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.special
 import scipy.stats
+from helpers import Told
 from nav import setups
 
 import gmwm_jax as gj
@@ -260,6 +261,14 @@ def test_distribution_of_weighted_squares():
     for x in (0.5, 5.0, 50.0):
         p = weighted_chi2_cdf(weights, x)
         assert np.mean(draws <= x) == pytest.approx(p, abs=4.5 * np.sqrt(p * (1 - p) / 400_000))
+
+
+def test_progress_is_told_and_cancels():
+    told = Told()
+    nj.analyse(setups.SCENARIO, TRUTH, FILTERS, progress=told)
+    told.assert_whole(len(FILTERS))
+    with pytest.raises(LookupError, match="enough"):
+        nj.analyse(setups.SCENARIO, TRUTH, FILTERS, progress=Told(1))
 
 
 def test_results_say_what_they_are(analysis):

@@ -1,14 +1,13 @@
 """Tuning by the innovations likelihood: slopes, recovery of a known truth, and what a record does not show."""
 
 import dataclasses
-import sys
 
 import jax
 import jax.numpy as jnp
 import jaxtyping
 import numpy as np
 import pytest
-from helpers import CountTraces
+from helpers import CountTraces, Told
 
 import gmwm_jax as gj
 import nav_jax as nj
@@ -343,11 +342,14 @@ def test_objects_of_another_class(record, options, message, monkeypatch):
             run(imu, fixes, GUESS, **(start | options))
 
 
-def test_a_count_of_steps_needs_its_package(record, monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", None)
+def test_steps_are_counted_and_an_interrupt_keeps_where_the_search_is(record):
     imu, fixes, start = record
-    with pytest.raises(ImportError, match=r"gmwm-jax\[app\]"):
-        nj.tune(imu, fixes, GUESS, every=10, progress=True, **start)
+    told = Told(2, KeyboardInterrupt)
+    stopped = nj.tune(imu, fixes, GUESS, every=10, progress=told, **start)
+    assert told.heard == [(0, None), (1, None), (2, None)]
+    assert not stopped.converged
+    with pytest.raises(LookupError, match="enough"):
+        nj.tune(imu, fixes, GUESS, every=10, progress=Told(1), **start)
 
 
 @pytest.mark.parametrize(

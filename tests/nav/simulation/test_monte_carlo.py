@@ -1,12 +1,12 @@
 """Runs depend on their key alone: not on chunks, threads, other filters or how many there are. And what is refused."""
 
+import importlib
 import inspect
-import sys
 
 import jax
 import numpy as np
 import pytest
-from helpers import CountTraces
+from helpers import CountTraces, Told
 from nav import setups
 
 import gmwm_jax as gj
@@ -22,7 +22,7 @@ KEY = jax.random.key(5)
 START = nj.InitialUncertainty(0.1, 0.05, 0.005)
 
 
-MONTE_CARLO = sys.modules["nav_jax.simulation.campaign"]
+MONTE_CARLO = importlib.import_module("nav_jax.simulation.campaign")
 """Whose name in the package is that of the function in it."""
 
 
@@ -190,10 +190,12 @@ def test_nothing_is_compiled_twice(monkeypatch):
     assert counted.count == first
 
 
-def test_a_progress_bar_needs_its_package(monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", None)
-    with pytest.raises(ImportError, match=r"gmwm-jax\[app\]"):
-        compare(progress=True)
+def test_progress_is_told_and_cancels():
+    told = Told()
+    compare(chunk_size=3, workers=2, progress=told)
+    told.assert_whole(18, at_least=4)  # two filters, three chunks, the last one filled up
+    with pytest.raises(LookupError, match="enough"):
+        compare(chunk_size=3, workers=2, progress=Told(4))
 
 
 def test_quantisation_noise_is_named_and_left_out():
