@@ -151,6 +151,14 @@ def few_ticks(ax: Axes, scale: str) -> None:
         ax.xaxis.set_minor_formatter(NullFormatter())
 
 
+def in_standard_units(ax: Axes) -> None:
+    """Residuals along y: linear where they should be and logarithmic beyond, with numbers that have room."""
+    ax.set_yscale("symlog", linthresh=4)
+    low, high = ax.get_ylim()
+    ax.set_yticks([y for y in (-1000, -100, -10, -2, 0, 2, 10, 100, 1000) if low <= y <= high])
+    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
 def band_title(level: float) -> dict[str, Any]:
     """What the bands are, above a legend."""
     return {"title": f"band: {100 * level:g} % interval", "title_fontsize": 8}

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.drawing import GivenAxes
@@ -30,6 +29,7 @@ from gmwm_jax.plotting._style import (
     few_ticks,
     finish_log_log,
     in_half_widths,
+    in_standard_units,
     large_and_small,
     pairs_of_frames,
     scale_axis,
@@ -122,10 +122,7 @@ def plot_joint_fit(joint: JointFit, *, axes: GivenAxes | None = None) -> Figure:
     for item, style in zip(records, _record_styles(), strict=False):
         put(bottom, item, lw=0.5, **style)
     bottom.set_xscale(below.x.scale)
-    bottom.set_yscale(below.y.scale, linthresh=4)
-    most = np.abs(bottom.get_ylim()).max()
-    bottom.set_yticks([y for y in (-1000, -100, -10, -2, 0, 2, 10, 100, 1000) if abs(y) < 1.3 * most])
-    bottom.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    in_standard_units(bottom)
     legend_below(figure, (top, bottom), alone=axes is None)
     return figure
 

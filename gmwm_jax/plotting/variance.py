@@ -20,6 +20,7 @@ from gmwm_jax.plotting._style import (
     draw_variance,
     draw_variances,
     finish_log_log,
+    in_standard_units,
     large_and_small,
     legend,
     lowest,
@@ -168,7 +169,7 @@ def plot_robust_comparison(
     put(bottom, same, marker="o", ls="", color="0.4", ms=4)
     put(bottom, differs, marker="o", ls="", color=FIT, ms=4)
     bottom.set_xscale(below.x.scale)
-    bottom.set_yscale(below.y.scale, linthresh=4)
+    in_standard_units(bottom)
     legend_below(figure, (top, bottom), alone=axes is None, **band_title(comparison.classic.level))
     return figure
 

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 from drawn import assert_shows
-from helpers import Told
+from helpers import Told, assert_same_result
 from programs import MEDIUM, NUM_RECORDS, blank, draws, sets_of_records, with_variance
 from scipy import stats
 
@@ -296,3 +296,9 @@ def test_bad_input(records, joint):
     some = gj.fit_records([replace(records[0], **short), *records[1:]], "WN + GM")
     with pytest.raises(ValueError, match="3 free parameters and the wavelet variance 2 scales"):
         gj.multisignal.compare_records(some)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_they_come_back_from_files(same_test, cv, tmp_path, suffix):
+    for given in (same_test, cv):
+        assert_same_result(gj.load(given.save(tmp_path / f"x{suffix}")), given)
