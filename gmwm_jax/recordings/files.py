@@ -12,6 +12,9 @@ from gmwm_jax._internal import stamps
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import sampling_rate
 from gmwm_jax._internal.columns import Columns, Stamps, plain_name
+from gmwm_jax._internal.formats.base import without_unit
+from gmwm_jax._internal.gravity import warn_of_units
+from gmwm_jax._internal.imu_names import ACCEL, GYRO, role_of
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.progress import Progress, progress_bar
 from gmwm_jax._internal.reading import Reading
@@ -213,12 +216,13 @@ def _recording(
     data = _samples(loaded, signals, hertz, [called.labels[i] for i in picked])
     data, dropped = _without_gaps(data, time_found, "nan" if saved and gaps == "refuse" else gaps, titles)
     data.flags.writeable = False
+    doubts = () if saved else _doubts(data, [called.labels[i] for i in picked], table.roles, picked)
     understood = Understood(
         table.format or ("a file of this package" if saved else "a table"),
         {t: (written[i], s.written) for t, i, s in zip(titles, picked, signals, strict=True)},
         hertz, source if source != "rate=" else "what was given", time_found,
         None if times is None or clocks is None else drift_of(times, clocks),
-        (*table.notes, *of_text, *left_out, *resets, *dropped),
+        (*table.notes, *of_text, *left_out, *resets, *dropped, *doubts),
     )  # fmt: skip
     return Recording(
         data, hertz, tuple(titles), tuple(signal_unit(s.unit).si for s in signals), name or table.title or file.stem,
@@ -292,6 +296,19 @@ def _load(
         parts = [numbers[i] if i in numbers else table.load_text(i, stamps.from_text) for i in one.columns]
         seconds.append(one.seconds(parts))
     return loaded, seconds[0], seconds[1]
+
+
+def _doubts(
+    data: np.ndarray, labels: Sequence[str], roles: Mapping[str, int], picked: Sequence[int]
+) -> tuple[str, ...]:
+    """Warn if gravity contradicts the units of three accelerometers, or their place among the columns."""
+    at = {role_of(without_unit(label)): k for k, label in enumerate(labels)}
+    at |= {role: picked.index(column) for role, column in roles.items() if column in picked}
+    if not set(ACCEL) <= set(at):
+        return ()
+    gyro, accel = (data[:, [at[a] for a in axes]] if set(axes) <= set(at) else None for axes in (GYRO, ACCEL))
+    text = None if accel is None else warn_of_units(gyro, accel)
+    return () if text is None else (text,)
 
 
 def _repeated(columns: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:

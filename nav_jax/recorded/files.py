@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmwm_jax._internal.checks import real_array, require_x64, sampling_rate
+from gmwm_jax._internal.gravity import warn_of_units
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
@@ -102,6 +103,7 @@ def read_imu(
         found = _timing(opened.seconds, opened.read, gaps)
         f = found.rate if rate is None else float(sampling_rate(rate))
         gyro, accel = (opened.sensor(*of, f)[found.rows] for of in _SENSORS)
+        warn_of_units(gyro, accel)
         return Imu(opened.first + found.time, gyro, accel, f)
     except ValueError as error:
         raise _of_file(error, source) from error

@@ -1,9 +1,12 @@
 """Recorded navigation data: columns and units of the samples of an IMU and of fixes, and what is refused."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import nav_jax as nj
+from gmwm_jax._internal.gravity import ImplausibleUnitsWarning
 
 TIME = np.arange(20) / 10
 TABLE = np.column_stack([TIME, *(np.sin(TIME + i) for i in range(6))])
@@ -191,3 +194,13 @@ def test_a_format_that_its_content_tells(tmp_path):
     imu = nj.read_imu(file)
     np.testing.assert_allclose(imu.time, 1403636579 + TIME, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(np.hstack([imu.gyro, imu.accel]), AXES)
+
+
+def test_units_that_gravity_contradicts_are_doubted(tmp_path):
+    names = ["time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+    rows = np.column_stack([np.arange(8) / 20.0, np.zeros((8, 5)), np.full(8, -1.0)])
+    np.savetxt(tmp_path / "imu.csv", rows, delimiter=",", header=",".join(names), comments="")
+    with pytest.warns(ImplausibleUnitsWarning, match="look like g. If they are, say so"):
+        nj.read_imu(tmp_path / "imu.csv", units={"gyro": "rad/s", "accel": "m/s^2"})
+    with warnings.catch_warnings(action="error"):
+        nj.read_imu(tmp_path / "imu.csv", units={"gyro": "rad/s", "accel": "g"})
