@@ -16,6 +16,8 @@ from gmwm_jax._internal.text_source import unpacked
 _PARSERS = {b"X\n": ("_xdr", "ParserXDR"), b"A\n": ("_ascii", "ParserASCII"), b"B\n": ("_binary", "ParserBinary")}
 """Second line of a file -> the parser of rdata."""
 
+_PIECE = 1 << 20
+
 _STARTS = tuple(b"RD%c%d\n" % (kind, version) for kind in b"XAB" for version in (2, 3))
 
 
@@ -39,6 +41,9 @@ def load_r(file: Path, max_bytes: int | None, classes: Mapping[str, Callable[[An
         One of a dozen, where it is no such file.
     """
     rdata = import_optional("rdata")
+    with unpacked(file, max_bytes=max_bytes) as stream:  # once for its size, before any of it is kept
+        while stream.read(_PIECE):
+            pass
     with unpacked(file, max_bytes=max_bytes) as stream:
         content = stream.read()
     if not content.startswith(_STARTS):
