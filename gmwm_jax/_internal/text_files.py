@@ -17,7 +17,14 @@ import numpy as np
 from gmwm_jax._internal.columns import Columns
 from gmwm_jax._internal.limits import TooLargeError
 from gmwm_jax._internal.text_layout import Layout, find_layout, is_comment, is_number, split
-from gmwm_jax._internal.text_source import TextSource, numbered_lines, short_lines, unpacking, with_points
+from gmwm_jax._internal.text_source import (
+    LongLineError,
+    TextSource,
+    numbered_lines,
+    short_lines,
+    unpacking,
+    with_points,
+)
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".imu")
 """Of the files that are read as text."""
@@ -85,6 +92,9 @@ class _Table:
             by = self._by_pandas if with_pandas else self._by_numpy
             try:
                 table, counted = by(numeric, picked)
+            except LongLineError:
+                deque(self._rows(), maxlen=0)  # raises, and says which line it is
+                raise
             except TooLargeError:
                 raise
             except (ValueError, OverflowError):  # the latter of integers of 20 digits

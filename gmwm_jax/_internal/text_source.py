@@ -215,38 +215,35 @@ def numbered_lines(stream: io.TextIOBase) -> Iterator[tuple[int, str]]:
         yield number, line
 
 
+class LongLineError(TooLargeError):
+    """A line is longer than `LONGEST_LINE`: `numbered_lines` tells which."""
+
+
 def short_lines(stream: io.BufferedIOBase) -> Iterator[bytes]:
     """Pass on the bytes of a text as long as its lines are short: a stage in front of tokenizers, which trust them.
 
     Raises
     ------
-    TooLargeError
-        There is no end of a line for `LONGEST_LINE` bytes.
+    LongLineError
+        There is no end of a line for `LONGEST_LINE` bytes. Which line it is, is not counted: that would take longer
+        than all else here.
     """
-    open_for, number = 0, 1  # bytes of the line that has begun before this part, and its number
+    open_for = 0  # bytes of the line that has begun before this part
     while part := stream.read(_CHUNK):
         start = -open_for
         while start + LONGEST_LINE < len(part):
             end = _last_end(part, start, start + LONGEST_LINE + 1)
             if end < 0:
-                number += _ends(part[: max(start, 0)])
-                raise TooLargeError(
-                    f"Line {number} is longer than {LONGEST_LINE} characters: this is no table of text."
-                )
+                raise LongLineError(f"A line is longer than {LONGEST_LINE} characters: this is no table of text.")
             start = end + 1
         start = max(start, _last_end(part, start, len(part)) + 1)
-        open_for, number = len(part) - start, number + _ends(part)
+        open_for = len(part) - start
         yield part
 
 
 def _last_end(text: bytes, start: int, stop: int) -> int:
     """Where the last end of a line is, or -1."""
     return max(text.rfind(end, max(start, 0), stop) for end in (b"\n", b"\r"))
-
-
-def _ends(text: bytes) -> int:
-    """Number of ends of lines."""
-    return text.count(b"\n") or text.count(b"\r")
 
 
 def text_source(file: Path, max_bytes: int | None = None) -> TextSource:
