@@ -21,11 +21,11 @@ from nav_jax.recorded._search import Found, Objective, search
 from nav_jax.recorded.likelihood import Model, Record, loss_and_slopes
 from nav_jax.recorded.navigation import prepare_navigation
 
-RATE = 50.0
+RATE = 20.0
 SECONDS = 200.0
 START = nj.InitialUncertainty(0.05, 0.02, np.deg2rad(0.3))
-TRUTH = nj.ImuErrors(gj.WN(1e-3), gj.WN(3e-5) + gj.GM(2e-3, 1e-6), RATE)
-GUESS = nj.ImuErrors(gj.WN(3e-3), gj.WN(1e-4) + gj.GM(2e-3, 3e-7), RATE)
+TRUTH = nj.ImuErrors(gj.WN(4e-4), gj.WN(1.2e-5) + gj.GM(5e-3, 1e-6), RATE)
+GUESS = nj.ImuErrors(gj.WN(2e-3), gj.WN(6e-5) + gj.GM(5e-3, 3e-7), RATE)
 SENSORS = (nj.GnssPosition(1.0, horizontal=0.02, vertical=0.04), nj.GnssVelocity(1.0, horizontal=0.01, vertical=0.02))
 
 
@@ -59,7 +59,7 @@ def record():
 @pytest.fixture(scope="module")
 def tuned(record):
     imu, fixes, start = record
-    return nj.tune(imu, fixes, GUESS, every=10, **start)
+    return nj.tune(imu, fixes, GUESS, every=4, **start)
 
 
 def log(errors):
@@ -70,7 +70,7 @@ def test_slopes_are_those_of_differences(record):
     """Gradient 1e-5 by central differences of fourth order; the information is about the curvature."""
     imu, fixes, start = record
     initial = start.pop("initial")
-    done = prepare_navigation(imu, fixes, TRUTH, every=10, output_interval=SECONDS, earth=nj.FlatEarth(), **start)
+    done = prepare_navigation(imu, fixes, TRUTH, every=4, output_interval=SECONDS, earth=nj.FlatEarth(), **start)
     start["initial"] = initial
     record = Record(done.timeline, done.inputs, initial)
     model = Model(ErrorLines(TRUTH), AidingLines(done.sensors), with_aiding=False)
@@ -104,8 +104,8 @@ def test_the_truth_is_found(tuned):
 def test_what_the_record_does_not_show_is_held(record):
     """A random walk of the accelerometers far below the rest: no sign of it in 200 s."""
     imu, fixes, start = record
-    weak = nj.ImuErrors(gj.WN(1e-3) + gj.RW(1e-18), TRUTH.models[3], RATE)
-    found = nj.tune(imu, fixes, weak, every=10, hold=["gyro GM beta"], **start)
+    weak = nj.ImuErrors(gj.WN(4e-4) + gj.RW(1e-18), TRUTH.models[3], RATE)
+    found = nj.tune(imu, fixes, weak, every=4, hold=["gyro GM beta"], **start)
     seen = dict(zip(found.names, found.observable, strict=True))
     assert not seen["accel RW gamma2"]
     assert not seen["gyro GM beta"]
@@ -123,7 +123,7 @@ def test_what_the_record_does_not_show_is_held(record):
 
 def test_a_prior_holds_back(record, tuned):
     imu, fixes, start = record
-    held = nj.tune(imu, fixes, GUESS, every=10, prior=1e-4, **start)
+    held = nj.tune(imu, fixes, GUESS, every=4, prior=1e-4, **start)
     assert held.observable.all()
     assert (held.se < 1e-4).all()
     np.testing.assert_allclose(log(held.errors), log(GUESS), atol=1e-4)
@@ -136,7 +136,7 @@ def test_aiding_too(record):
         nj.Fixes(nj.GnssPosition(1.0, horizontal=0.05, vertical=0.04), fixes[0].time, fixes[0].value),
         fixes[1],
     ]
-    found = nj.tune(imu, wrong, TRUTH, every=10, tune_aiding=True, hold=ErrorLines(TRUTH).names, **start)
+    found = nj.tune(imu, wrong, TRUTH, every=4, tune_aiding=True, hold=ErrorLines(TRUTH).names, **start)
     k = found.names.index("gnss_position n, e sd")
     assert found.value[k] == pytest.approx(0.4, abs=4 * 0.4 * found.se[k])
     assert found.se[k] < 0.1
@@ -172,7 +172,7 @@ def test_of_a_collinear_pair_one_is_given_up():
 
 def test_of_two_equal_processes_one_is_given_up(record):
     imu, fixes, start = record
-    twice = nj.ImuErrors(gj.WN(1e-3), gj.WN(3e-5) + gj.GM(2e-3, 5e-7) + gj.GM(2e-3, 5e-7), RATE)
+    twice = nj.ImuErrors(gj.WN(4e-4), gj.WN(1.2e-5) + gj.GM(5e-3, 5e-7) + gj.GM(5e-3, 5e-7), RATE)
     objective = objective_of(imu, fixes, twice, **start)
     left = observable_parameters(objective(objective.start).information, range(6))
     names = [objective.model.names[i] for i in left]
@@ -181,7 +181,7 @@ def test_of_two_equal_processes_one_is_given_up(record):
 
 
 def objective_of(imu, fixes, errors, initial, **start):
-    done = prepare_navigation(imu, fixes, errors, every=10, output_interval=SECONDS, earth=nj.FlatEarth(), **start)
+    done = prepare_navigation(imu, fixes, errors, every=4, output_interval=SECONDS, earth=nj.FlatEarth(), **start)
     lines = ErrorLines(errors)
     penalty = np.zeros((len(lines.names),) * 2)
     return Objective(
@@ -272,12 +272,12 @@ def test_an_interrupted_search_is_as_far_as_it_came():
 def test_a_process_that_is_not_there_is_lost(record, monkeypatch):
     """The search drives a random walk of the accelerometers towards zero; one program does all rounds."""
     imu, fixes, start = record
-    guess = nj.ImuErrors(gj.WN(1e-3) + gj.RW(1e-7), TRUTH.models[3], RATE)
+    guess = nj.ImuErrors(gj.WN(4e-4) + gj.RW(2.5e-7), TRUTH.models[3], RATE)
     counted = CountTraces(likelihood.innovations)
     monkeypatch.setattr(likelihood, "innovations", counted)
     rounds = CountTraces(tuning_search._minimise)
     monkeypatch.setattr(tuning_search, "_minimise", rounds)
-    found = nj.tune(imu, fixes, guess, every=10, hold=["gyro GM beta"], **start)
+    found = nj.tune(imu, fixes, guess, every=4, hold=["gyro GM beta"], **start)
     k = found.names.index("accel RW gamma2")
     assert rounds.count > 1
     assert counted.count <= 1
@@ -293,8 +293,8 @@ def test_a_process_that_is_not_there_is_lost(record, monkeypatch):
 
 def test_with_a_prior_what_the_record_does_not_show_says_so(record):
     imu, fixes, start = record
-    weak = nj.ImuErrors(gj.WN(1e-3) + gj.RW(1e-18), TRUTH.models[3], RATE)
-    found = nj.tune(imu, fixes, weak, every=10, prior=0.5, hold=["gyro GM beta"], **start)
+    weak = nj.ImuErrors(gj.WN(4e-4) + gj.RW(1e-18), TRUTH.models[3], RATE)
+    found = nj.tune(imu, fixes, weak, every=4, prior=0.5, hold=["gyro GM beta"], **start)
     k = found.names.index("accel RW gamma2")
     assert found.remarks[k] == "not observable: from the prior"
     assert not found.observable[k]
@@ -306,7 +306,7 @@ def test_with_a_prior_what_the_record_does_not_show_says_so(record):
 def test_channels_without_noise_are_left_alone(record):
     imu, fixes, start = record
     silent = nj.ImuErrors(gj.WN(0.0), GUESS.models[3], RATE)
-    found = nj.tune(imu, fixes, silent, every=10, max_steps=2, **start)
+    found = nj.tune(imu, fixes, silent, every=4, max_steps=2, **start)
     assert found.names == ("gyro WN sigma2", "gyro GM beta", "gyro GM variance")
     assert found.loss < found.loss_start
     assert float(found.errors.models[0].processes[0].sigma2) == 0.0
@@ -315,8 +315,8 @@ def test_channels_without_noise_are_left_alone(record):
 def test_partial_autocorrelations_have_their_own_lines(record):
     """Estimates and intervals are of what the names say: a function of one line, whatever the others are."""
     imu, fixes, start = record
-    guess = nj.ImuErrors(gj.WN(1e-3), gj.AR(2)(0.3, 0.2, 2e-5), RATE)
-    found = nj.tune(imu, fixes, guess, every=10, max_steps=3, prior=1.0, **start)
+    guess = nj.ImuErrors(gj.WN(4e-4), gj.AR(2)(0.3, 0.2, 2e-5), RATE)
+    found = nj.tune(imu, fixes, guess, every=4, max_steps=3, prior=1.0, **start)
     assert found.names[1:] == ("gyro AR(2) phi partial 1", "gyro AR(2) phi partial 2", "gyro AR(2) sigma2")
     np.testing.assert_allclose(found.start[1:], [0.3 / 0.8, 0.2, 2e-5])
     phi1, phi2, sigma2 = (float(v) for v in found.errors.models[3].processes[0].values)
@@ -345,11 +345,11 @@ def test_objects_of_another_class(record, options, message, monkeypatch):
 def test_steps_are_counted_and_an_interrupt_keeps_where_the_search_is(record):
     imu, fixes, start = record
     told = Told(2, KeyboardInterrupt)
-    stopped = nj.tune(imu, fixes, GUESS, every=10, progress=told, **start)
+    stopped = nj.tune(imu, fixes, GUESS, every=4, progress=told, **start)
     assert told.heard == [(0, None), (1, None), (2, None)]
     assert not stopped.converged
     with pytest.raises(LookupError, match="enough"):
-        nj.tune(imu, fixes, GUESS, every=10, progress=Told(1), **start)
+        nj.tune(imu, fixes, GUESS, every=4, progress=Told(1), **start)
 
 
 @pytest.mark.parametrize(
@@ -366,7 +366,7 @@ def test_steps_are_counted_and_an_interrupt_keeps_where_the_search_is(record):
 def test_bad_input(record, options, message):
     imu, fixes, start = record
     with pytest.raises(ValueError, match=message):
-        nj.tune(imu, fixes, GUESS, every=10, **start, **options)
+        nj.tune(imu, fixes, GUESS, every=4, **start, **options)
 
 
 def test_without_fixes_there_is_nothing_to_tune_by(record):
