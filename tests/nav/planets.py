@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,16 +17,24 @@ def column(vector, like):
     return jnp.broadcast_to(jnp.reshape(vector, (3,) + (1,) * (like.ndim - 1)), like.shape)
 
 
+def number(default):
+    """A field, so that Earths that differ in it share programs."""
+    return eqx.field(converter=jnp.asarray, default=default)
+
+
 class Pillar(nj.kinematics.AbstractEarth):
-    """Gravity falls by a thousandth with each metre of height; it neither turns nor bends."""
+    """Gravity falls by a thousandth with each metre of height, or not at all; it neither turns nor bends."""
 
     is_uniform: ClassVar[bool] = False
     is_turning: ClassVar[bool] = False
     is_flat: ClassVar[bool] = True
 
+    falls: jax.Array = number(1 / 2000.0)
+    """Half of the part by which gravity is less a metre higher."""
+
     def gravity_n(self, position):
         zero = jnp.zeros_like(position[0])
-        return jnp.stack([zero, zero, 9.8 * (2000.0 / (2000.0 - position[2])) ** 2])
+        return jnp.stack([zero, zero, 9.8 / (1.0 - self.falls * position[2]) ** 2])
 
     def rate_n(self, position):
         return jnp.zeros_like(position)
@@ -37,7 +46,7 @@ class Pillar(nj.kinematics.AbstractEarth):
 class SmallPlanet(nj.kinematics.AbstractEarth):
     """A ball of 2 km radius that turns in 3.5 minutes: 1.8 m/s^2 of centrifugal acceleration at its equator.
 
-    The origin of n is at a latitude of 0.8 rad.
+    The origin of n is at a latitude of 0.8 rad. Without curvature and not turning it is a flat Earth in disguise.
     """
 
     is_uniform: ClassVar[bool] = False
@@ -48,38 +57,26 @@ class SmallPlanet(nj.kinematics.AbstractEarth):
     attraction: ClassVar[float] = 9.8 * 2000.0**2
     rate: ClassVar[np.ndarray] = 0.03 * np.array([np.cos(0.8), 0.0, -np.sin(0.8)])
 
-    def from_centre(self, position):
-        return position - column(jnp.asarray([0.0, 0.0, self.radius]), position)
+    curvature: jax.Array = number(1 / 2000.0)
+    turning: jax.Array = number(1.0)
+    """How many times the rate."""
+
+    def to_centre(self, position):
+        """The vector to the centre, of length 1 at the origin; and the square of its length."""
+        r = column(jnp.asarray([0.0, 0.0, 1.0]), position) - self.curvature * position
+        return r, dot(r, r)
 
     def gravity_n(self, position):
-        r, w = self.from_centre(position), self.rate_n(position)
-        return -self.attraction * r / dot(r, r)[None] ** 1.5 - cross(w, cross(w, r))
+        (r, square), w = self.to_centre(position), self.rate_n(position)
+        from_axis = cross(w, cross(w, position - column(jnp.asarray([0.0, 0.0, self.radius]), position)))
+        return 9.8 * r / square[None] ** 1.5 - from_axis
 
     def rate_n(self, position):
-        return column(jnp.asarray(self.rate), position)
+        return self.turning * column(jnp.asarray(self.rate), position)
 
     def height(self, position):
-        r = self.from_centre(position)
-        return jnp.sqrt(dot(r, r)) - self.radius
-
-
-class Disguised(nj.kinematics.AbstractEarth):
-    """A flat Earth of which nobody knows that it is one: its constants are asked at every step."""
-
-    is_uniform: ClassVar[bool] = False
-    is_turning: ClassVar[bool] = True
-    is_flat: ClassVar[bool] = False
-
-    flat: nj.FlatEarth
-
-    def gravity_n(self, position):
-        return self.flat.gravity_n(position)
-
-    def rate_n(self, position):
-        return self.flat.rate_n(position)
-
-    def height(self, position):
-        return self.flat.height(position)
+        _, square = self.to_centre(position)
+        return (self.curvature * dot(position, position) - 2 * position[2]) / (1 + jnp.sqrt(square))
 
 
 class Ellipsoid(nj.kinematics.AbstractEarth):
