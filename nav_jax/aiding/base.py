@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
@@ -21,7 +21,7 @@ from gmwm_jax._internal.chunks import stream_keys
 from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.states import OwnState
-from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw, white_sd
+from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw_each, white_sd
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.state import BodyMotion, NavState
 
@@ -188,8 +188,8 @@ class AbstractAiding(eqx.Module):
 
     def draw(self, num: int, keys: Key[Array, " R"]) -> Float[Array, "F K R"]:
         """Draw the noise of the first `num` fixes of each run, before it is mixed."""
-        streams = [stream_keys(keys, i) for i in range(len(self.noise))]
-        return jnp.stack([draw(m, num, k) for m, k in zip(self.noise, streams, strict=True)], axis=1)
+        streams = jax.vmap(lambda number: stream_keys(keys, number))(np.arange(len(self.noise), dtype=np.uint32))
+        return draw_each(self.noise, num, streams)
 
 
 def timing(

@@ -117,6 +117,17 @@ def draw(model: NoiseModel, num_samples: int, keys: Key[Array, " R"]) -> Float[A
     return jax.vmap(lambda key: simulate(model, num_samples, key=key), out_axes=1)(keys)
 
 
+def draw_each(models: Sequence[NoiseModel], num_samples: int, keys: Key[Array, "K R"]) -> Float[Array, "N K R"]:
+    """Draw a record of each model for each of its keys.
+
+    Models that differ in numbers only are drawn together, once in a program, which is sooner compiled.
+    """
+    if len({jax.tree.structure(model) for model in models}) > 1:
+        return jnp.stack([draw(m, num_samples, k) for m, k in zip(models, keys, strict=True)], axis=1)
+    together = jax.tree.map(lambda *values: jnp.stack(values), *models)
+    return jax.vmap(lambda model, keys: draw(model, num_samples, keys), out_axes=1)(together, keys)
+
+
 @jax.jit
 def white_sd(model: NoiseModel) -> Float[Array, ""]:
     """Standard deviation of a sample of a model: what a filter that takes it as white noise should believe.
