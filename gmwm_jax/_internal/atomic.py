@@ -82,7 +82,7 @@ def make_atomically(path: Path, make: Callable[[Path], Any]) -> Path:
     OSError
         `path` cannot be written.
     """
-    target = path.resolve() if path.is_symlink() else path
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
     with _work_folder(target) as folder:
         try:
             make(folder / _NEW)

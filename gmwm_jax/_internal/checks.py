@@ -30,8 +30,14 @@ def concrete(value: object) -> np.ndarray | None:
     return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
 
 
-def finite_record(x: np.ndarray, what: str = "the record") -> None:
-    """Raise if a record (time on axis 0) has NaN or inf, naming the first of them."""
+_GAPS = (
+    'If NaN marks missing samples, say so: gaps="nan" for a file, gaps=True for an array, gaps="pairs" for '
+    "wavelet_variance."
+)
+
+
+def finite_record(x: np.ndarray, what: str = "the record", *, advice: str = _GAPS) -> None:
+    """Raise if a record (time on axis 0) has NaN or inf, naming the first of them, with advice on NaN."""
     # One pass without a temporary: a sum is finite exactly when (overflow aside) every term is.
     with np.errstate(invalid="ignore", over="ignore"):
         if np.isfinite(np.sum(x)):
@@ -41,11 +47,12 @@ def finite_record(x: np.ndarray, what: str = "the record") -> None:
         return
     first = tuple(int(i) for i in bad[0])
     where = f"index {first[0]}" + (f", channel {first[1]}" if len(first) > 1 else "")
-    raise ValueError(
+    on_nan = advice if np.isnan(x[tuple(bad.T)]).any() else ""
+    text = (
         f"{what} holds {len(bad)} values that are NaN or infinite, the first ({x[first]}) at {where}. "
-        "Cut the record there or repair the samples: a gap that is closed silently changes every scale. If NaN marks "
-        'missing samples, say so: gaps="nan" for a file, gaps=True for an array, gaps="pairs" for wavelet_variance.'
+        f"Cut the record there or repair the samples: a gap that is closed silently changes every scale. {on_nan}"
     )
+    raise ValueError(text.rstrip())
 
 
 def present_samples(x: np.ndarray, what: str = "the record") -> np.ndarray:

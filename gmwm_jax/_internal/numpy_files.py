@@ -31,7 +31,9 @@ def load_arrays(file: Path, max_bytes: int | None) -> dict[str, np.ndarray]:
                 with archive.open(member) as stream:
                     _require_whole(member.filename, stream, member.file_size)
     with file.open("rb") as stream:
-        if stream.read(2) == b"\x93N":
+        if not zipfile.is_zipfile(file):
+            if stream.read(2) != b"\x93N":
+                raise ValueError("it starts neither as .npy nor as .npz does")
             stream.seek(0)
             _require_whole("the array", stream, size)
         stream.seek(0)
@@ -45,8 +47,10 @@ def _require_whole(name: str, stream: Any, size: int) -> None:
     if version not in _HEADERS:
         raise ValueError(f"{name} is a table of NumPy's own kind, version {version}: keep its columns as plain arrays.")
     shape, _, dtype = _HEADERS[version](stream)
+    if dtype.hasobject:
+        raise ValueError(f"{name} holds objects of Python, which are never loaded: save numbers")
     promised, there = math.prod(shape) * dtype.itemsize, size - stream.tell()
-    if promised > there and not dtype.hasobject:  # of objects, the number of bytes is not known, and none are read
+    if promised > there:
         raise ValueError(
             f"the header of {name} promises {dtype} of shape {shape}, {as_bytes(promised)}, and {as_bytes(there)} "
             "follow"

@@ -70,7 +70,9 @@ def require_folder(folder: Path, beside: Path | None = None) -> None:
     if not there.is_dir():
         raise NotADirectoryError(f"{folder} cannot be made: {there} is a file.")
     roots = [Path.cwd(), *([] if beside is None else [beside])]
-    if not folder.exists() and not any(folder.resolve().is_relative_to(root.resolve()) for root in roots):
+    if not folder.exists() and not any(
+        Path(os.path.realpath(folder)).is_relative_to(os.path.realpath(root)) for root in roots
+    ):
         # one that is misspelled would be filled, and looked for elsewhere
         raise FileNotFoundError(f"There is no folder {folder}: make it first. Those below the working folder are made.")
     try:
@@ -96,4 +98,4 @@ def _same(one: Path, other: Path) -> bool:
         return False
     if one.exists() and other.exists():
         return one.samefile(other)
-    return one.resolve() == other.resolve()
+    return os.path.realpath(one) == os.path.realpath(other)  # of a loop of links too

@@ -91,10 +91,10 @@ def require_file(file: Path, hint: str = "") -> None:
     if file.is_file() or (file.is_dir() and any(known.is_folder(file) for known in FORMATS.values())):
         return
     if file.is_dir():
-        raise FileNotFoundError(f"{file.resolve()} is a folder, not a file.")
+        raise FileNotFoundError(f"{file.absolute()} is a folder, not a file.")
     near = difflib.get_close_matches(file.name, os.listdir(file.parent)) if file.parent.is_dir() else []
     similar = f" Files of a similar name are there: {', '.join(near)}." if near else ""
-    raise FileNotFoundError(f"There is no file {file.resolve()}.{similar}{hint}")
+    raise FileNotFoundError(f"There is no file {file.absolute()}.{similar}{hint}")
 
 
 def _is_of_logger(file: Path) -> bool:
@@ -203,7 +203,16 @@ def _open_numpy(file: Path, how: Reading) -> Columns:
     return _of_array(arrays[_only(list(arrays), how.variable)])
 
 
+def _require_one_table(how: Reading) -> None:
+    if how.variable is not None:
+        raise ValueError(
+            f"There is no variable {how.variable!r}, since such a file is one table: variable=... is for .npz, R data "
+            "and the topics of a bag."
+        )
+
+
 def _open_parquet(file: Path, how: Reading) -> Columns:
+    _require_one_table(how)
     parquet = import_optional("pyarrow.parquet")
     with _parsing("Parquet"):
         footer = parquet.read_metadata(file)
@@ -227,6 +236,7 @@ def _in_memory(footer: Any, columns: int) -> int:
 
 
 def _open_netcdf(file: Path, how: Reading) -> Columns:
+    _require_one_table(how)
     xarray = import_optional("xarray")
     import_optional("h5netcdf")
     with _parsing("netCDF"):
@@ -270,6 +280,7 @@ def _of_r(value: Any, rate: float | None = None) -> Columns:
 
 
 def _open_text(file: Path, how: Reading) -> Columns:
+    _require_one_table(how)
     source = text_source(file, how.max_bytes)
     if how.told is not None:
         source = source.watched(how.told)

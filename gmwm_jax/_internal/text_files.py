@@ -7,7 +7,8 @@ where. All three give the same numbers.
 
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -98,9 +99,9 @@ class _Table:
             except TooLargeError:
                 raise
             except (ValueError, OverflowError):  # the latter of integers of 20 digits
-                return _by_lines(self._rows(), len(numeric), picked)
+                return self._by_lines(len(numeric), picked)
             if not counted:
-                _by_lines(self._rows(), len(numeric), [])
+                self._by_lines(len(numeric), [])
             return [table.pop(i) if picked.count(i) == 1 else table[i] for i in picked]
 
     def load_text(self, column: int, parse: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -188,11 +189,19 @@ class _Table:
         """The bytes from the first line of data on."""
         stream = self.source.then(short_lines).open()
         left = self.layout.start
-        while left:
-            left -= len(stream.read(min(left, 1 << 20)))
+        try:
+            while left:
+                left -= len(stream.read(min(left, 1 << 20)))
+        except BaseException:
+            stream.close()
+            raise
         return stream
 
-    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+    def _by_lines(self, count: int, picked: list[int]) -> list[np.ndarray]:
+        with closing(self._rows()) as rows:  # a refusal keeps the frame, and so the file, for as long as it lives
+            return _by_lines(rows, count, picked)
+
+    def _rows(self) -> Generator[tuple[int, list[str]], None, None]:
         """Number and fields of each line of data."""
         with self.source.lines(newline=None) as stream:
             for number, line in numbered_lines(stream):

@@ -131,7 +131,7 @@ def timing(seconds: np.ndarray, repeated: Callable[[np.ndarray], np.ndarray] | N
     """
     if len(seconds) < 2:
         raise ValueError(f"The column of time has {len(seconds)} value: a rate needs two.")
-    finite_record(seconds, "the column of time")
+    finite_record(seconds, "the column of time", advice="")
     steps = np.diff(seconds)
     if np.any(steps < 0):
         i = int(np.argmax(steps < 0)) + 1

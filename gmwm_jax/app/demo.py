@@ -40,8 +40,8 @@ def run_demo(out: Path, num_samples: int, say: Callable[[str], Any]) -> Channels
     Channels
         One fit a channel.
     """
-    make_folder(out)
     rec = datasets.simulated(_SENSOR, num_samples)
+    make_folder(out)
     say(f"{rec}\n")
     wv = wavelet_variance(rec)
     assert isinstance(wv, WaveletVariances)  # of the sensor's channels
