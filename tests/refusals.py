@@ -10,7 +10,9 @@ from typer.testing import CliRunner
 MOST_SECONDS, MOST_BYTES = 10.0, 1 << 30
 """Of one refusal."""
 
-_PYTHON = re.compile(r"\b[a-z_]+=(\.\.\.|None|True|False)|<class|object at 0x|\bTraceback\b|\bdtype\('")
+_PYTHON = re.compile(
+    r"\bnum_[a-z]+\b|\bmax_bytes\b|\b[a-z_]+=(\.\.\.|None|True|False)|<class|object at 0x|\bTraceback\b|\bdtype\('"
+)
 """What only somebody who calls functions can read."""
 
 _PEAK_UNIT = 1 if sys.platform == "darwin" else 1024

@@ -3,6 +3,7 @@
 import math
 import zipfile
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,10 @@ def _require_whole(name: str, stream: Any, size: int) -> None:
     version = np.lib.format.read_magic(stream)
     if version not in _HEADERS:
         raise ValueError(f"{name} is a table of NumPy's own kind, version {version}: keep its columns as plain arrays.")
-    shape, _, dtype = _HEADERS[version](stream)
+    try:
+        shape, _, dtype = _HEADERS[version](stream)
+    except (SyntaxError, ValueError, TokenError) as error:  # it is parsed as Python's literals
+        raise ValueError(f"the header of {name} cannot be read") from error
     if dtype.hasobject:
         raise ValueError(f"{name} holds objects of Python, which are never loaded: save numbers")
     promised, there = math.prod(shape) * dtype.itemsize, size - stream.tell()

@@ -92,6 +92,8 @@ def require_file(file: Path, hint: str = "") -> None:
         return
     if file.is_dir():
         raise FileNotFoundError(f"{file.absolute()} is a folder, not a file.")
+    if file.is_symlink():
+        raise FileNotFoundError(f"{file.absolute()} is a link to a file that is not there.")
     near = difflib.get_close_matches(file.name, os.listdir(file.parent)) if file.parent.is_dir() else []
     similar = f" Files of a similar name are there: {', '.join(near)}." if near else ""
     raise FileNotFoundError(f"There is no file {file.absolute()}.{similar}{hint}")
@@ -145,6 +147,8 @@ def _only(names: Sequence[str], variable: str | None) -> str:
     """Return the variable that is asked for, or the only one."""
     if variable in names or (variable is None and len(names) == 1):
         return variable or names[0]
+    if not names:
+        raise ValueError("The file holds no variables.")
     asked = "variable=... is needed to choose one" if variable is None else f"there is no variable {variable!r}"
     raise ValueError(f"The file holds {len(names)} variables ({', '.join(names)}); {asked}.")
 

@@ -187,7 +187,7 @@ def drift_of(seconds: np.ndarray, clock: np.ndarray) -> tuple[float, float]:
 
 
 def _not_increasing(seconds: np.ndarray, i: int) -> str:
-    return f"Time does not increase at index {i}: {seconds[i - 1]:.17g} s is followed by {seconds[i]:.17g} s. "
+    return f"Time does not increase at index {i}: {seconds[i - 1]:.16g} s is followed by {seconds[i]:.16g} s. "
 
 
 def _places(seconds: np.ndarray) -> np.ndarray:

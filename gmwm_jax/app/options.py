@@ -60,7 +60,11 @@ def command(group: typer.Typer, name: str | None = None) -> Callable[[Callable[.
 _OUTPUTS = ("json_file", "plot", "out")
 """Parameters of commands that name a file to be written; that of a folder is called so."""
 
-_OPTIONS = {"num_levels": "levels", "time_unit": "time-unit", "max_bytes": "max-bytes"} | {
+_RENAMED = {
+    "num_levels": "levels", "time_unit": "time-unit", "max_bytes": "max-bytes", "num_replicates": "bootstrap",
+    "num_samples": "samples",
+}  # fmt: skip
+_OPTIONS = _RENAMED | {
     n: n
     for n in (
         "rate", "units", "scale", "columns", "channels", "names", "time", "clock", "gaps", "format", "delimiter",
@@ -68,6 +72,9 @@ _OPTIONS = {"num_levels": "levels", "time_unit": "time-unit", "max_bytes": "max-
     )
 }  # fmt: skip
 _ARGUMENT = re.compile(r"""\b(\w+)=(\.\.\.|"[^"]*"|'[^']*'|\d+)""")
+_WORDS = "|".join(name for name in _OPTIONS if name not in _RENAMED)
+_SUBJECT = re.compile(rf"(^|: )({_WORDS})=?(?= (?:is|names|renames|must|says)\b)")
+_RENAMED_WORD = re.compile(rf"\b({'|'.join(_RENAMED)})\b")
 _MAPPING = re.compile(r"""\{("[^"]+": "[^"]+"(?:, "[^"]+": "[^"]+")*)\}""")
 
 
@@ -86,7 +93,9 @@ def _as_options(text: str) -> str:
     def listed(found: re.Match[str]) -> str:
         return '"' + found[1].replace('"', "").replace(": ", "=").replace(", ", ",") + '"'
 
-    return _MAPPING.sub(listed, _ARGUMENT.sub(option, text))
+    text = _MAPPING.sub(listed, _ARGUMENT.sub(option, text))
+    text = _SUBJECT.sub(lambda found: f"{found[1]}--{found[2]}", text)
+    return _RENAMED_WORD.sub(lambda found: f"--{_RENAMED[found[1]]}", text)
 
 
 def _figure_file(path: Path | None) -> Path | None:
@@ -229,7 +238,7 @@ def pairs(text: str) -> dict[str, str]:
     found = {}
     for part in text.split(","):
         name, equals, value = part.partition("=")
-        if not equals:
+        if not equals or not name.strip():
             raise ValueError(f"Cannot read {part.strip()!r}: expected name=value, several separated by commas.")
         found[name.strip()] = value.strip()
     return found

@@ -209,10 +209,13 @@ def design(
     """Find the filters with few states that navigate best along the trajectory of the file."""
     from nav_jax.app.comparison_file import read_config
     from nav_jax.app.reports import design_report
+    from nav_jax.simulation.campaign import require_runs
 
     known = read_config(config)
     folder, plot = _folder(known.output, config.parent, out, plot)
     truth = _model(known)
+    if confirm is not None:
+        require_runs(known.scenario, truth.rate, 3, confirm)
     found = nj.design(
         known.scenario,
         truth,

@@ -117,7 +117,7 @@ def named_files(path: Path) -> tuple[list[Path], dict[str, str]]:
     """
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return [], {}  # said when it is read
 
     def files(value: Any) -> Iterator[Path]:
@@ -170,7 +170,7 @@ def _trajectory_section(table: Any) -> Any:
         raise ValueError(f'{where}: give either file = "..." or motion = "...", one of {", ".join(MOTIONS)}.')
     if "file" in table:
         return checked(TrajectoryFile, table, where)
-    if table["motion"] not in MOTIONS:
+    if table["motion"] not in list(MOTIONS):  # it may be a list or a table, which have no hash
         raise ValueError(f"{where}: motion is one of {', '.join(MOTIONS)}, and is {table['motion']!r}.")
     return checked(MOTIONS[table["motion"]], table, where)
 
@@ -207,6 +207,8 @@ def from_toml(path: Path, build: Callable[[Mapping[str, Any], Path], T]) -> T:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is no TOML file: {error}.") from error
+    except RecursionError as error:
+        raise ValueError(f"{path} is no TOML file that is read: it is nested too deeply.") from error
     try:
         return build(tables, path.parent)
     except ValueError as error:
@@ -237,7 +239,7 @@ def aiding_sections(listed: Any, kinds: Mapping[str, type[AidingT]]) -> list[Aid
     for i, table in enumerate(listed):
         where = f"[[aiding]] {i + 1}"
         _require_table(table, where)
-        if table.get("type") not in kinds:
+        if table.get("type") not in list(kinds):
             raise ValueError(f"{where}: type is one of {', '.join(kinds)}, and is {table.get('type')!r}.")
         sections.append(checked(kinds[table["type"]], table, where))
     return sections

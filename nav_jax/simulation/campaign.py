@@ -190,9 +190,7 @@ def compare(
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
     setup = Setup(scenario, check_rates(truth, filters))
     on_cpu = jax.default_backend() == "cpu"
-    what = f"{num_runs} runs of {len(filters)} filters with {len(setup.output_times)} epochs each"
-    make_smaller = "ask for fewer runs, or for fewer epochs by a larger output_interval of the scenario"
-    require_memory(len(filters) * _Collected.bytes_of(setup, num_runs), what, make_smaller)
+    _require_runs(setup, len(filters), num_runs)
     workers = (num_threads() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
     size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
@@ -219,6 +217,23 @@ def compare(
         tracks = _tracks(setup, truth, f, key, keeps, on_reference=on_reference)
         runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
     return Comparison(setup.reference, runs, truth=repr(truth))
+
+
+def require_runs(scenario: Scenario, rate: float, num_filters: int, num_runs: int) -> None:
+    """Raise if the results of so many runs find no room, before anything that they are to follow is computed.
+
+    Raises
+    ------
+    MemoryError
+        With the memory that they would take.
+    """
+    _require_runs(Setup(scenario, rate), num_filters, num_runs)
+
+
+def _require_runs(setup: Setup, num_filters: int, num_runs: int) -> None:
+    what = f"{num_runs} runs of {num_filters} filters with {len(setup.output_times)} epochs each"
+    make_smaller = "ask for fewer runs, or for fewer epochs by a larger output_interval of the scenario"
+    require_memory(num_filters * _Collected.bytes_of(setup, num_runs), what, make_smaller)
 
 
 def _run_chunks(

@@ -25,6 +25,9 @@ _TYPE = "sensor_msgs/msg/Imu"
 _NAMES = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
 
+_NO_BAG = "This is no bag, or it is truncated or corrupt: record or save it again. ({})"
+
+
 def is_bag(file: Path) -> bool:
     """Is this a bag: a file, or a folder of rosbag2?"""
     if file.is_dir():
@@ -51,12 +54,12 @@ def open_bag(file: Path, how: Reading) -> Columns:
         with highlevel.AnyReader([file], default_typestore=typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)) as bag:
             topic, connections = _topic(bag, how.variable)
             received, stamped, values, note = _messages(bag, connections, how)
+    except UnicodeError as error:  # where a bag of ROS 1 begins with text
+        raise ValueError(_NO_BAG.format("it does not start as bags do")) from error
     except (ValueError, PermissionError, MemoryError):
         raise
     except Exception as error:  # one of a dozen of rosbags and what it reads with
-        raise ValueError(
-            f"This is no bag, or it is truncated or corrupt: record or save it again. ({type(error).__name__}: {error})"
-        ) from error
+        raise ValueError(_NO_BAG.format(f"{type(error).__name__}: {error}")) from error
     clock = stamped if np.any(stamped) else received
     columns = [clock, *values.T]
     label = "header.stamp" if clock is stamped else "the time of receipt"

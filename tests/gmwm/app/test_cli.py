@@ -420,7 +420,7 @@ STATED = ("--rate", "100", "--unit", "rad/s")
             "--weights is default, two-step, covariance, iterated",
         ),
         (("fit", "{npz}", "--model", MODEL, "--robust", "--efficiency", "2"), "efficiency"),
-        (("fit", "{npz}", "--model", MODEL, "--bootstrap", "-1"), "num_replicates"),
+        (("fit", "{npz}", "--model", MODEL, "--bootstrap", "-1"), "--bootstrap must be"),
         (("select", "{npz}", "--model", "WN"), "nothing to choose from"),
         (("select", "{npz}", "--model", "2*WN"), "cannot be told apart"),
         (("units",), "Give a number with two units, or --model, or --datasheet"),
