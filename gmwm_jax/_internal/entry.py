@@ -17,7 +17,7 @@ from gmwm_jax._internal.lazy import open_wide
 BAD_INPUT = 2
 """Exit code of a command that was asked for something wrong, as of one whose options are."""
 
-_OF_INPUT = (ValueError, KeyError, OSError, ImportError, MemoryError, OverflowError)
+OF_INPUT = (ValueError, KeyError, OSError, ImportError, MemoryError, OverflowError)
 """Errors that are the answer to an input; another one is a mistake of this program, and shows where it is."""
 
 
@@ -80,7 +80,7 @@ def command_line(in_its_words: Callable[[str], str], load: Any = None) -> Iterat
             if load is not None:
                 load()
             yield
-        except _OF_INPUT as error:
+        except OF_INPUT as error:
             say(f"Error: {in_its_words(_text(error))}")
             raise SystemExit(BAD_INPUT) from error
         except KeyboardInterrupt as interrupt:
