@@ -102,4 +102,4 @@ def as_command(run: Callable[..., None], parameters: Iterable[inspect.Parameter]
 def _text(error: BaseException) -> str:
     """What an error says; one of Python's own may say nothing."""
     text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
-    return text or {MemoryError: "There is not enough memory."}.get(type(error), type(error).__name__)
+    return text or ("There is not enough memory." if isinstance(error, MemoryError) else type(error).__name__)
