@@ -10,7 +10,7 @@ import threading
 from typing import Any, TypeVar
 
 MAX_PROGRAMS = 60
-"""Programs of all bounded functions, before they are forgotten: 1 GB, some nine scenarios of different lengths."""
+"""Programs of all bounded functions, before they are forgotten: 0.8 GB, some nine scenarios of different lengths."""
 
 _F = TypeVar("_F")
 _lock = threading.Lock()
