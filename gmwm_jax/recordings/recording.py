@@ -226,7 +226,8 @@ class Recording(Drawable):
             rows = [[*row, str(count)] for row, count in zip(rows, self.num_missing.values(), strict=True)]
         title = f"Recording {self.name!r}" if self.name else "Recording"
         what = f"{len(self)} samples at {self.rate:g} Hz, {self.duration:g} s"
-        return f"{title}: {what}\n{format_table(head, rows, left=2)}"
+        read = [] if self.understood is None else [self.understood.in_short()]
+        return "\n".join([f"{title}: {what}", format_table(head, rows, left=2), *read])
 
 
 def _group(name: str) -> str:

@@ -46,10 +46,14 @@ class Understood:
     drift: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
+    def in_short(self) -> str:
+        """The rate and what the stamps tell, in a line."""
         parts = [f"{self.rate:.7g} Hz by {self.rate_from}", *([str(self.time)] if self.time else [])]
         if self.drift:
             parts.append(f"clock drift {self.drift[0]:+.3g} +- {self.drift[1]:.1g} ppm")
+        return f"Read as {self.format}: {', '.join(parts)}"
+
+    def __repr__(self) -> str:
         rows = [[channel, *of] for channel, of in self.columns.items()]
         table = format_table(["channel", "column", "unit"], rows, left=3)
-        return "\n".join([f"Read as {self.format}: {', '.join(parts)}", table, *self.notes])
+        return "\n".join([self.in_short(), table, *self.notes])

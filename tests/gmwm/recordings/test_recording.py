@@ -7,6 +7,7 @@ import types
 import numpy as np
 import pytest
 
+import gmwm_jax as gj
 from gmwm_jax.recordings.recording import Recording
 
 DEG = math.pi / 180
@@ -223,3 +224,11 @@ def test_descriptions_that_do_not_fit(arguments, message):
 def test_a_recording_is_in_si(units):
     with pytest.raises(ValueError, match="one of the units rad/s"):
         Recording(NOISE, 1.0, ("a", "b"), units)
+
+
+def test_what_was_understood_is_printed_in_a_line(tmp_path):
+    rec = gj.Recording.from_array(np.random.default_rng(0).normal(size=50), rate=20.0, units="rad/s")
+    assert "Read as" not in repr(rec)
+    read = gj.read_recording(gj.save_recording(rec, tmp_path / "x.npz"))
+    assert repr(read).splitlines()[-1] == repr(read.understood).splitlines()[0]
+    assert "20 Hz by " in repr(read)
