@@ -216,7 +216,8 @@ def _recording(
     data = _samples(loaded, signals, hertz, [called.labels[i] for i in picked])
     data, dropped = _without_gaps(data, time_found, "nan" if saved and gaps == "refuse" else gaps, titles)
     data.flags.writeable = False
-    doubts = () if saved else _doubts(data, [called.labels[i] for i in picked], table.roles, picked)
+    in_si = [signal_unit(s.unit).si for s in signals]
+    doubts = () if saved else _doubts(data, [called.labels[i] for i in picked], table.roles, picked, in_si)
     understood = Understood(
         table.format or ("a file of this package" if saved else "a table"),
         {t: (written[i], s.written) for t, i, s in zip(titles, picked, signals, strict=True)},
@@ -225,7 +226,7 @@ def _recording(
         (*table.notes, *of_text, *left_out, *resets, *dropped, *doubts),
     )  # fmt: skip
     return Recording(
-        data, hertz, tuple(titles), tuple(signal_unit(s.unit).si for s in signals), name or table.title or file.stem,
+        data, hertz, tuple(titles), tuple(in_si), name or table.title or file.stem,
         gaps=bool(np.any(np.isnan(data))) if gaps == "nan" or saved else False, understood=understood,
     )  # fmt: skip
 
@@ -299,12 +300,12 @@ def _load(
 
 
 def _doubts(
-    data: np.ndarray, labels: Sequence[str], roles: Mapping[str, int], picked: Sequence[int]
+    data: np.ndarray, labels: Sequence[str], roles: Mapping[str, int], picked: Sequence[int], units: Sequence[str]
 ) -> tuple[str, ...]:
     """Warn if gravity contradicts the units of three accelerometers, or their place among the columns."""
     at = {role_of(without_unit(label)): k for k, label in enumerate(labels)}
     at |= {role: picked.index(column) for role, column in roles.items() if column in picked}
-    if not set(ACCEL) <= set(at):
+    if not set(ACCEL) <= set(at) or {units[at[a]] for a in ACCEL} != {"m/s^2"}:  # without unit, nothing is claimed
         return ()
     gyro, accel = (data[:, [at[a] for a in axes]] if set(axes) <= set(at) else None for axes in (GYRO, ACCEL))
     text = None if accel is None else warn_of_units(gyro, accel)

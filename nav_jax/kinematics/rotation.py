@@ -47,7 +47,9 @@ def dot(a: Vector, b: Vector) -> Float[Array, "..."]:
 
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
-    return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    a0, a1, a2 = a[0], a[1], a[2]  # each index is two operations to trace
+    b0, b1, b2 = b[0], b[1], b[2]
+    return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def matvec(matrix: Matrix, v: Vector) -> Vector:
@@ -57,12 +59,14 @@ def matvec(matrix: Matrix, v: Vector) -> Vector:
 
 def quat_multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     """Hamilton product: q_nc = q_nb * q_bc."""
+    a0, a1, a2, a3 = a[0], a[1], a[2], a[3]
+    b0, b1, b2, b3 = b[0], b[1], b[2], b[3]
     return jnp.stack(
         [
-            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+            a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+            a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+            a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+            a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
         ]
     )
 

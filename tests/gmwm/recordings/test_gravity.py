@@ -101,3 +101,13 @@ def test_real_drives_are_not_doubted_unless_their_unit_is_wrong(shared, name):
     assert "look like g" in str(doubt(gyro, accel / G))
     assert "look like m/s^2" in str(doubt(gyro, accel * G))
     assert "swapped" in str(doubt(accel, gyro))
+
+
+def test_nothing_is_said_of_samples_without_unit(tmp_path):
+    """Whoever wants the numbers as they stand, as for R's, says that they have no unit."""
+    x = np.random.default_rng(0).normal(size=(500, 3)) * 1e-3 + [0.0, 0.0, 1.0]
+    np.savetxt(tmp_path / "x.csv", x, delimiter=",", header="accel_x,accel_y,accel_z", comments="")
+    with warnings.catch_warnings(action="error"):
+        read_recording(tmp_path / "x.csv", rate=100.0, units="1")
+    with pytest.warns(ImplausibleUnitsWarning, match="look like g"):
+        read_recording(tmp_path / "x.csv", rate=100.0, units="m/s^2")
