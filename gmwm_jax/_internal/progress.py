@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 Progress: TypeAlias = bool | Callable[[int, int | None], object]
 """Whether to show a bar, or a function that is called with what is done and the total (None: nobody knows).
@@ -16,6 +16,7 @@ SECONDS = 30.0
 """Between two lines where there is no terminal."""
 
 
+@runtime_checkable
 class Bar(Protocol):
     """What shows how far the work has come."""
 
