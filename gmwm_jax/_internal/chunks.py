@@ -25,8 +25,8 @@ def numbered_keys(key: Any, numbers: Any) -> Any:
     return jax.vmap(lambda i: jax.random.fold_in(key, i))(np.asarray(numbers, dtype=np.uint32))
 
 
-def stream_keys(keys: Any, number: int) -> Any:
-    """The stream of one number from each of many keys."""
+def stream_keys(keys: Any, number: Any) -> Any:
+    """The stream of one number, which may be traced, from each of many keys."""
     return jax.vmap(lambda key: jax.random.fold_in(key, number))(keys)
 
 
