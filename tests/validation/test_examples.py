@@ -15,6 +15,7 @@ import pytest
 
 import gmwm_jax
 import nav_jax
+from gmwm_jax._internal.lazy import open_wide
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -27,6 +28,7 @@ GLOBALS = {"gj": gmwm_jax, "nj": nav_jax, "np": np, "jax": jax, "jnp": jnp}
 def doors():
     """The doors of the packages and of their rooms, the units, and the files that are namespaces."""
     for package in (gmwm_jax, nav_jax):
+        open_wide(package.__name__)
         yield package
         for info in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
             if not info.name.split(".")[-1].startswith("_"):

@@ -18,7 +18,8 @@ def call(*arguments, code=0):
 MAGIC = {".png": b"\x89PNG\r\n\x1a\n", ".pdf": b"%PDF-", ".svg": b"<?xml"}
 
 
-def test_demo(tmp_path):
+def test_demo(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     stdout = call("demo", "--samples", "4096", "--out", tmp_path / "out").stdout
     assert "Recording 'simulated mti-g': 4096 samples at 100 Hz" in stdout
     assert "Simulated truth against estimate, datasheet units" in stdout

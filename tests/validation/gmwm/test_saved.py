@@ -48,6 +48,7 @@ def results():
 def test_a_kill_at_any_moment(results, tmp_path, suffix, num_kills):
     sources = [r.save(tmp_path / f"{i}.npz") for i, r in enumerate(results)]
     folder, rng, left = tmp_path / "x", np.random.default_rng(len(suffix)), 0
+    folder.mkdir()
     path = results[0].save(folder / f"x{suffix}")
     for _ in range(num_kills):
         command = [sys.executable, "-c", WRITER, *map(str, sources), str(path)]
