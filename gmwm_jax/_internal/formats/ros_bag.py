@@ -92,7 +92,8 @@ def _topic(bag: Any, asked: str | None) -> tuple[str, list[Any]]:
 def _messages(bag: Any, connections: list[Any], how: Reading) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple]:
     """Time of receipt and stamp in ns, and angular velocity and linear acceleration, (N, 6)."""
     received, heads, tails, raws = [], [], [], []
-    of, total = sum(path.stat().st_size for path in bag.paths), 0
+    parts = [part for path in bag.paths for part in (path.rglob("*") if path.is_dir() else [path])]
+    of, total = sum(part.stat().st_size for part in parts), 0  # a folder's own size is that of its list of files
     for connection, time, raw in bag.messages(connections=connections):
         total += len(raw)
         require_stream(total, of, how.max_bytes)

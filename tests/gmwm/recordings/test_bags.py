@@ -10,6 +10,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from gmwm_jax._internal import limits
 from gmwm_jax.recordings.files import read_recording
 
 N, RATE = 60, 200
@@ -64,6 +65,14 @@ def test_bags(record, kind):
         assert rec.units == ("rad/s",) * 3 + ("m/s^2",) * 3
         assert (rec.rate, rec.understood.time.jitter < 1e-9) == (RATE, True)
         assert (rec.understood.format, rec.understood.notes) == ("ros", ("Topic /imu.",))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_is_as_large_as_its_files(record, monkeypatch, kind):
+    """Messages that are not packed are never more than the files, those of a folder too, whatever the limits."""
+    monkeypatch.setattr(limits, "FREE", 1000)
+    monkeypatch.setattr(limits, "MAX_RATIO", 1)
+    assert len(read_recording(record(kind))) == N
 
 
 def test_a_bag_with_gaps(record):
