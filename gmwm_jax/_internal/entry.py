@@ -9,7 +9,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator
-from typing import Any
+from typing import Annotated, Any
 
 from gmwm_jax._internal.interrupts import INTERRUPTED, leave_at_once, leave_when_deaf
 from gmwm_jax._internal.lazy import open_wide
@@ -86,6 +86,23 @@ def command_line(in_its_words: Callable[[str], str], load: Any = None) -> Iterat
         except KeyboardInterrupt as interrupt:
             say(str(interrupt) or "Interrupted: the results are not complete.")
             raise SystemExit(INTERRUPTED) from interrupt
+
+
+def tell_version(app: Any, command: str, version: str) -> None:
+    """Give a Typer application the option ``--version``."""
+    import typer
+
+    def tell(asked: bool) -> bool:
+        if asked:
+            typer.echo(f"{command} {version}")
+            raise typer.Exit
+        return asked
+
+    @app.callback()
+    def main(
+        version: Annotated[bool, typer.Option("--version", callback=tell, is_eager=True, help="Say it.")] = False,
+    ) -> None:
+        pass
 
 
 def as_command(run: Callable[..., None], parameters: Iterable[inspect.Parameter]) -> Callable[..., None]:

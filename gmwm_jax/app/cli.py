@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 import gmwm_jax as gj
+from gmwm_jax._internal.entry import tell_version
 from gmwm_jax.app.options import (
     Efficiency,
     Export,
@@ -35,20 +36,7 @@ app = typer.Typer(
 )
 data_app = typer.Typer(help="Named data sets: public recordings, and simulated ones.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
-
-
-def _tell_version(asked: bool) -> bool:
-    if asked:
-        typer.echo(f"gmwm-jax {gj.__version__}")
-        raise typer.Exit
-    return asked
-
-
-@app.callback()
-def _main(
-    version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Say it.")] = False,
-) -> None:
-    pass
+tell_version(app, "gmwm-jax", gj.__version__)
 
 
 @command(app)

@@ -16,7 +16,7 @@ import typer
 
 import nav_jax as nj
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax._internal.entry import as_command, command_line
+from gmwm_jax._internal.entry import as_command, command_line, tell_version
 from gmwm_jax._internal.interrupts import INTERRUPTED
 from gmwm_jax._internal.outputs import check_outputs, make_folder, refuse_overwriting, require_place
 
@@ -38,20 +38,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-
-def _tell_version(asked: bool) -> bool:
-    if asked:
-        typer.echo(f"nav-jax {nj.__version__}")
-        raise typer.Exit
-    return asked
-
-
-@app.callback()
-def _main(
-    version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Say it.")] = False,
-) -> None:
-    pass
+tell_version(app, "nav-jax", nj.__version__)
 
 
 def _command(function: Callable[..., None]) -> Callable[..., None]:
