@@ -140,6 +140,8 @@ def fit(
     for one in singles:
         if one.status is not gj.fitting.Status.converged:
             typer.echo(f"Warning: {one.wv.channels[0]}: {one.status.value}", err=True)
+        for text in one.warnings:
+            typer.echo(f"Warning: {one.wv.channels[0]}: {text}", err=True)
 
 
 @command(app)

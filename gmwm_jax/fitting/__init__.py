@@ -9,7 +9,12 @@ How to read a fit
 * weights: the default ones come from the data and bias a component whose scales have few degrees of freedom by 1 to 2 %, a
   fraction of its standard error; ``weights="two-step"`` takes them from a first fit and does not. ``weights="covariance"``
   takes the whole covariance of the wavelet variance: for long records, the smallest standard errors.
-* status: ``converged``, or what went wrong. `fit` raises unless ``throw=False``.
+* status: ``converged``, or what went wrong. `fit` raises unless ``throw=False``. It is about the search: a search for the
+  best of wrong models converges too.
+* test of fit: chi-square over all scales, by the covariance that the intervals are from, and the largest pull. Where the data
+  are beyond what chance does under the model, a warning stands before the estimates, in overviews of channels, in JSON and in
+  the comments of exports: the intervals are then of little use. Its test knows how skew a variance of few degrees of freedom
+  is, so that a right model is hardly ever warned of; p, which does not, is below 5 % for 5 to 20 % of right models.
 * at boundary: a component that the data do not want is exactly zero and stays in the table. A Gauss-Markov process whose
   correlation time leaves the range that the record can show is a random walk, or white noise: reported is then what that
   limit has (q, or the variance and N_0), with its interval, and nothing of what it has not.

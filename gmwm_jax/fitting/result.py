@@ -3,7 +3,7 @@
 import enum
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
+from gmwm_jax._internal.chi_square import ChiSquare, chi_square, misses
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.quantiles import normal_quantile
@@ -23,10 +24,11 @@ from gmwm_jax.fitting.bias import WhiteAndBias, summary_rows, white_and_bias
 from gmwm_jax.fitting.contradictions import contradictions
 from gmwm_jax.fitting.exports.noise import ChannelNoise
 from gmwm_jax.fitting.exports.registry import format_of
+from gmwm_jax.fitting.misfit import largest_pull, misfit_sentence, sentence_of, with_amplitudes_again
 from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.standard_errors import (
     delta_method,
-    estimator_derivatives,
+    linearised,
     parameter_covariance,
     with_errors_and_components,
 )
@@ -160,6 +162,55 @@ class Fit(Drawable, Saved, Labelled):
         """Sentences about held values that the data contradict by orders of magnitude; mostly none."""
         return contradictions(self.model, self.wv, self.omega, self.objective)
 
+    # -- does the model describe the data? ------------------------------------------------------------------------
+
+    @cached_property
+    def chi_square(self) -> ChiSquare | None:
+        """The test of fit: statistic, degrees of freedom, p-value and the pull of each scale, see `goodness_of_fit`.
+
+        None where there is no theory of the wavelet variance, or no estimate to test.
+        """
+        V = self.wv_covariance
+        if V is None or not (np.isfinite(self.objective) and np.all(np.isfinite(V)) and np.all(np.diag(V) > 0)):
+            return None
+        return chi_square(*self._residuals, V)
+
+    @cached_property
+    def misfit(self) -> str:
+        """A sentence if the data are beyond what chance does under the model; "" if they are not, or nobody knows.
+
+        Of right models fewer than one in a hundred, and mostly fewer than one in a thousand, is said to miss its data.
+        """
+        V = self.wv_covariance
+        if self.chi_square is None or V is None or not misses(*self._residuals, V, self._linearised[0]):
+            return ""
+        if not self._with_amplitudes_again_misses(V):
+            return ""
+        return misfit_sentence(self.chi_square, self.wv.times, self._unit_of_time)
+
+    def _with_amplitudes_again_misses(self, V: Float[np.ndarray, "J J"]) -> bool:
+        """Whether the model misses the data with other amplitudes too: see `with_amplitudes_again`."""
+        nu = self._linearised[0]
+        error = np.sqrt(np.diag(V)) / nu
+        model, omega = with_amplitudes_again(self.model, self.wv.variance, self.wv.scales, error)
+        kept = {label: o for label, o in self.at_boundary.items() if o is not Outcome.ZERO}
+        parts = zip(model.labels, model.processes, strict=True)
+        zero = {label: Outcome.ZERO for label, p in parts if not float(p.amplitude) > 0}
+        again = replace(self, model=model, omega=omega, at_boundary={**kept, **zero})
+        # the errors in proportion: another covariance would take longer than all the rest
+        ratio = again._linearised[0] / nu
+        return misses(*again._residuals, V * np.outer(ratio, ratio), again._linearised[0])
+
+    @property
+    def _residuals(self) -> tuple[Float[np.ndarray, " J"], Float[np.ndarray, "J J"]]:
+        """Residuals, and the matrix M by which errors of the wavelet variance are in them."""
+        nu, A, B = self._linearised
+        return self.wv.variance - nu, np.eye(self.wv.num_scales) - A @ B
+
+    @property
+    def _unit_of_time(self) -> str:
+        return "s" if self.wv.rate else "samples"
+
     # -- uncertainty ----------------------------------------------------------------------------------------------
 
     @cached_property
@@ -191,14 +242,17 @@ class Fit(Drawable, Saved, Labelled):
         whitener = np.linalg.cholesky(self.omega).T
         return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
 
-    @cached_property
+    @property
     def derivatives(self) -> tuple[Float[np.ndarray, "J P"], Float[np.ndarray, "P J"]]:
         """A = d nu/d eta and B = d eta_hat/d nu_hat at the estimate, eta the active parameters on the real line."""
-        if not self.active:
-            return np.zeros((self.wv.num_scales, 0)), np.zeros((0, self.wv.num_scales))
+        return self._linearised[1:]
+
+    @cached_property
+    def _linearised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The wavelet variance of the fitted model, A and B, by the program that `covariance` runs."""
         whitener = np.linalg.cholesky(self.omega).T
-        A, B = estimator_derivatives(self.model, self.active, self.wv.scales, whitener)
-        return np.asarray(A), np.asarray(B)
+        nu, A, B = linearised(self.model, self.active, self.wv.scales, whitener)
+        return np.asarray(nu), np.asarray(A), np.asarray(B)
 
     def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
         """Return, for each active parameter, the smallest variance that weights can give over that with `omega`.
@@ -295,6 +349,24 @@ class Fit(Drawable, Saved, Labelled):
     def _at_level(self) -> dict[str, Any]:
         return {"z": normal_quantile(self.level), "level": self.level, "boundary": self.at_boundary}
 
+    @property
+    def search(self) -> str:
+        """How the search ended, in words: nothing of it says that the model is right."""
+        ended = "the search converged" if self.status is Status.converged else self.status.value
+        return f"{ended}, {100 * self.agreement:.0f} % of the descents came to this minimum"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that stand before the estimates: held values that the data contradict, a model that misses them."""
+        return (*self.contradictions, *filter(None, [self.misfit]))
+
+    @property
+    def verdict(self) -> list[str]:
+        """The test of fit and the warnings, a line each."""
+        test = self.chi_square
+        lines = [] if test is None else [sentence_of(test, self.wv.times, self._unit_of_time)]
+        return lines + [f"warning: {text}" for text in self.warnings]
+
     def summary(self) -> str:
         """Return all of it as text."""
         wv = self.wv
@@ -306,9 +378,8 @@ class Fit(Drawable, Saved, Labelled):
             f"{wv.estimator.title}GMWM fit of {' + '.join(self.model.labels)} to {wv.channels[0]} "
             f"[{self.unit}]{samples}{rate}",
             f"objective {self.objective:.8g} ({self.weights.name} weights) with {free} free parameters on "
-            f"{wv.num_scales} scales; {self.status.value}; {100 * self.agreement:.0f} % of the descents came to this "
-            "minimum",
-            *(f"warning: {text}" for text in self.contradictions),
+            f"{wv.num_scales} scales; {self.search}",
+            *self.verdict,
             "",
             str(self.parameters()),
         ]
@@ -345,15 +416,17 @@ class Fit(Drawable, Saved, Labelled):
 
     @classmethod
     def table_of(cls, fits: Sequence["Fit"], /) -> str:
-        """Fits of several channels as text: objective, status and the parameters per sample of each."""
+        """Fits of several channels as text: objective, search, test of fit and the parameters per sample of each."""
         symbols = [f"{e.component}.{e.symbol}" for e in fits[0].parameters()]
-        head = ["channel", "unit", "objective", "status", *symbols]
+        head = ["channel", "unit", "objective", "search", "p of fit", *symbols]
         rows = [
             [f.wv.channels[0], f.unit, number(f.objective, 7), f.status.name]
+            + ["-" if f.chi_square is None else number(f.chi_square.p_value, 2)]
             + [number(e.value) + ("*" if e.at_boundary else "") for e in f.parameters()]
             for f in fits
         ]
         foot = "\n* at its boundary" if any(f.at_boundary for f in fits) else ""
+        foot += "".join(f"\nwarning: {f.wv.channels[0]}: {text}" for f in fits for text in f.warnings)
         text = f"GMWM fits, parameters per sample\n{format_table(head, rows, left=2)}{foot}"
         timed = [f for f in fits if f.rate]
         if not timed:
@@ -438,11 +511,26 @@ class Fit(Drawable, Saved, Labelled):
             bounded = {label: parts[label].bounded_integral() for label in filters.without}
             sd = {label: np.nan if v is None else float(np.sqrt(v)) / own for label, v in bounded.items()}
             name = " ".join(f.wv.channels[0].split())  # it stands in comments, which end with the line
-            noises.append(ChannelNoise(name, filters, f._processes(), sd))
+            noises.append(ChannelNoise(name, filters, f._processes(), sd, f.warnings))
         text = chosen.text(noises)
         if path is not None:
             write_atomically(path, lambda file: file.write(text.encode()))
         return text
+
+    def _test(self) -> dict[str, Any] | None:
+        """The test of fit for JSON, which has no NaN."""
+        test = self.chi_square
+        if test is None:
+            return None
+        j = largest_pull(test)
+        return {
+            "statistic": test.statistic,
+            "dof": test.dof,
+            "p_value": test.p_value if test.dof else None,
+            "pulls": [float(p) if np.isfinite(p) else None for p in test.pulls],
+            "largest_pull": None if j is None else float(test.pulls[j]),
+            "at_scale": None if j is None else float(self.wv.scales[j]),
+        }
 
     def _processes(self) -> list[dict[str, Any]]:
         """The components that the data show, for filters and simulations."""
@@ -463,6 +551,17 @@ class Fit(Drawable, Saved, Labelled):
         rows = [{"form": form, **row} for form, table in tables.items() for row in table.to_list()]
         return pandas.DataFrame(rows).astype({name: float for name in ("value", "ci_low", "ci_high")})
 
+    def _test_values(self) -> dict[str, Values]:
+        """The test of fit as variables; NaN where there is none."""
+        test = self.chi_square or ChiSquare(np.nan, 0, np.nan, np.full(self.wv.num_scales, np.nan))
+        return {
+            "chi_square": Values((), test.statistic),
+            "dof": Values((), test.dof),
+            "p_value": Values((), test.p_value),
+            "pull": Values("scale", test.pulls, "1"),
+            "misfit": Values((), self.misfit),
+        }
+
     def _arrays(self) -> Arrays:
         """What was fitted and what came out, a row a scale; and the parameters per sample."""
         wv, table = self.wv._arrays(), self.parameters()
@@ -479,6 +578,7 @@ class Fit(Drawable, Saved, Labelled):
             "objective": Values((), self.objective),
             "agreement": Values((), self.agreement),
             "status": Values((), self.status.name),
+            **self._test_values(),
         }
         coordinates = {
             **wv.coordinates,
@@ -511,6 +611,8 @@ class Fit(Drawable, Saved, Labelled):
             "status": self.status.value,
             "agreement": self.agreement,
             "contradictions": list(self.contradictions),
+            "misfit": self.misfit,
+            "test_of_fit": self._test(),
             "parameters": self.parameters().to_list(),
             "scales": self.wv.scales.tolist(),
             "variance": self.wv.variance.tolist(),

@@ -45,34 +45,31 @@ def parameter_covariance(
         Covariance of the wavelet variance, shape (J, J).
     """
     at = np.asarray(active, dtype=int)
-    (whole,) = known(_parameter_covariance(model, _mask(model, active), tau, whitener, V))
+    (whole,) = known(_sandwich(model, _mask(model, active), tau, whitener, V)[0])
     return whole[np.ix_(at, at)]
 
 
 @compiled_quickly()
-def _parameter_covariance(model: Composite, active: Any, tau: Any, whitener: Any, V: Any) -> Float[Array, "Q Q"]:
-    B, lost = _estimator(_wv_jacobian(model, active, tau), whitener)
-    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
+def _sandwich(
+    model: Composite, active: Any, tau: Any, whitener: Any, V: Any
+) -> tuple[Float[Array, "Q Q"], Float[Array, " J"], Float[Array, "J Q"], Float[Array, "Q J"]]:
+    """B V B', nu, A and B: one program for whoever wants one of them."""
+    A = _wv_jacobian(model, active, tau)
+    B, lost = _estimator(A, whitener)
+    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T), model.wavelet_variance(tau), A, B
 
 
-def estimator_derivatives(
+def linearised(
     model: Composite, active: tuple[int, ...], tau: Any, whitener: Any
-) -> tuple[Float[Array, "J P"], Float[Array, "P J"]]:
-    """A = d nu/d eta and B = d eta_hat/d nu_hat; arguments as of `parameter_covariance`.
+) -> tuple[Float[Array | np.ndarray, " J"], Float[Array | np.ndarray, "J P"], Float[Array | np.ndarray, "P J"]]:
+    """nu, A = d nu/d eta and B = d eta_hat/d nu_hat; arguments as of `parameter_covariance`.
 
     Directions that data do not see are left out of B.
     """
     at = np.asarray(active, dtype=int)
-    A, B = _estimator_derivatives(model, _mask(model, active), tau, whitener)
-    return A[:, at], B[at]
-
-
-@jax.jit
-def _estimator_derivatives(
-    model: Composite, active: Any, tau: Any, whitener: Any
-) -> tuple[Float[Array, "J Q"], Float[Array, "Q J"]]:
-    A = _wv_jacobian(model, active, tau)
-    return A, _estimator(A, whitener)[0]
+    # no covariance of the wavelet variance is asked for
+    _, nu, A, B = known(*_sandwich(model, _mask(model, active), tau, whitener, np.zeros((len(tau), len(tau)))))
+    return nu, A[:, at], B[at]
 
 
 def _mask(model: Composite, active: tuple[int, ...]) -> Bool[np.ndarray, " Q"]:

@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
+from gmwm_jax._internal.chi_square import chi_square
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
@@ -36,7 +37,6 @@ from gmwm_jax.fitting.sweep import Sweep, sweep
 from gmwm_jax.fitting.weights import WeightsLike
 from gmwm_jax.inference._criterion import optimism, projection, standard_error
 from gmwm_jax.inference._submodels import Subset, common_superset, components, submodels, text_of
-from gmwm_jax.inference.goodness import chi_square
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
@@ -197,6 +197,8 @@ class Selection(Mapping[str, Candidate], Drawable, Saved, Labelled):
         lines += [f"{failed} more did not converge."] * (failed > 0)
         if self.recommended.p_value < _REJECTED:
             lines += [f"No model describes every scale: the recommended one has p = {self.recommended.p_value:.2g}."]
+            if self.recommended.fit.misfit:
+                lines += [f"warning: {self.recommended.fit.misfit}"]
         return "\n".join(lines)
 
     def _arrays(self) -> Arrays:
@@ -418,7 +420,7 @@ def _select(
                 optimism=float(lacks[m]),
                 difference=float(criteria[m] - criteria[best]),
                 standard_error=error(m, best),
-                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, own)[2],
+                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, own).p_value,
                 contained_in=contained[m],
                 worse_than=names[better[0]] if better else "",
             )

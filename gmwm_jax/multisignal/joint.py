@@ -197,7 +197,8 @@ class JointFit(Drawable, Saved, Labelled):
             f"{wv.estimator.title}GMWM fit of {' + '.join(self.model.labels)} to {len(self.records)} records of "
             f"{wv.channels[0]} [{self.fit.unit}]{rate}",
             f"objective {self.objective:.8g} ({self.weights.name} weights) with {self.model.num_free} free parameters; "
-            f"{self.status.value}; {100 * self.fit.agreement:.0f} % of the descents came to this minimum",
+            f"{self.fit.search}",
+            *(line.replace("test of fit:", "test of fit of their mean:", 1) for line in self.fit.verdict),
             "",
             str(self.parameters()),
         ]

@@ -16,7 +16,8 @@ def nav_jax(imu: ImuNoise) -> str:
                     "unit": c.filter.unit,
                     "rate": c.filter.rate,
                     "processes": [dict(p) for p in c.processes],
-                    "note": f"{c.name}: parameters per sample at this rate, in SI; no component is left out",
+                    "note": f"{c.name}: parameters per sample at this rate, in SI; no component is left out"
+                    + "".join(f"; warning: {text}" for text in c.warnings),
                 }
             )
     return json.dumps(content, indent=1, allow_nan=False) + "\n"

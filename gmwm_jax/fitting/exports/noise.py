@@ -25,6 +25,8 @@ class ChannelNoise:
     """Kind and parameters per sample of every component that the data show."""
     bounded: Mapping[str, float]
     """Label of what no filter holds -> bound of the standard deviation of its integral, rad or m/s; NaN if unknown."""
+    warnings: Sequence[str] = ()
+    """Of the fit: what its data contradict."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ def _of_channel(c: ChannelNoise) -> list[str]:
         angle = "rad" if one.unit == "rad/s" else "m/s"
         how = "" if math.isnan(sd) else f", whose integral is bounded, with a standard deviation of {sd:.3g} {angle}"
         lines.append(f"  left out: {label}{how}")
-    return lines
+    return lines + [f"  warning: {text}" for text in c.warnings]
 
 
 def _wrapped(line: str) -> list[str]:

@@ -154,7 +154,7 @@ def test_tables_compile_once():
         for i in range(2)
     ]
     fits[0].summary()
-    programs = inference._parameter_covariance, inference._tables
+    programs = inference._sandwich, inference._tables
     before = [p._cache_size() for p in programs]
     fits[1].summary()
     white = gj.wavelet_variance(np.asarray(gj.simulate("WN(sigma2=1)", 2**14, key=jax.random.key(2))), rate=1.0)

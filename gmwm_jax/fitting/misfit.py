@@ -1,0 +1,105 @@
+"""What a fit says of itself: how well the model describes the data, and whether it is wrong.
+
+Every fit with theory prints its test of fit. Where the data are beyond what chance does under the model, a warning
+stands before the estimates, for their intervals assume that the model is right: with a million samples they are a few
+parts in a thousand, however far off the model is.
+"""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from gmwm_jax._internal.chi_square import ChiSquare
+from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.parameter import Fixed
+
+_ROUNDS = 8
+
+
+def with_amplitudes_again(
+    model: Composite, variance: Float[np.ndarray, " J"], tau: Float[np.ndarray, " J"], error: Float[np.ndarray, " J"]
+) -> tuple[Composite, Float[np.ndarray, "J J"]]:
+    """Fit the amplitudes that are not held anew, with weights of the model itself, and return it with these weights.
+
+    Weights that come from the data trust the small among the variances of few degrees of freedom too much: a random
+    walk may come out as zero for one of them, and all the others miss it.
+
+    Parameters
+    ----------
+    model, variance, tau
+        A fitted model, the wavelet variance, and its spans in samples.
+    error
+        Relative standard deviations of the wavelet variance.
+    """
+    from scipy.optimize import nnls  # 0.2 s to import, which only few fits need
+
+    spans: Any = tau
+    unit = np.array([np.asarray(p.unit_wavelet_variance(p.shape, spans)) for p in model.processes])
+    amplitudes = np.array([float(p.amplitude) for p in model.processes])
+    free = [
+        i
+        for i, p in enumerate(model.processes)
+        if p.parameters[-1].name not in p.fixed and np.any(unit[i] > 0) and np.all(np.isfinite(unit[i]))
+    ]
+    sd = (amplitudes @ unit) * error
+    for _ in range(_ROUNDS if free else 0):
+        target = (variance - np.delete(amplitudes, free) @ np.delete(unit, free, axis=0)) / sd
+        columns = unit[free].T / sd[:, None]
+        length = np.linalg.norm(columns, axis=0)
+        amplitudes[free] = nnls(columns / length, target)[0] / length
+        sd = np.maximum(amplitudes @ unit, 1e-9 * variance) * error
+    return Composite(
+        [
+            _with_amplitude(p, a) if i in free else p
+            for i, (p, a) in enumerate(zip(model.processes, amplitudes, strict=True))
+        ]
+    ), np.diag(sd**-2.0)
+
+
+def _with_amplitude(process: AbstractProcess, amplitude: float) -> AbstractProcess:
+    build: Any = type(process)
+    names = [p.name for p in process.parameters]
+    values = {n: Fixed(v) if n in process.fixed else v for n, v in zip(names, process.values, strict=True)}
+    return build(**{**values, names[-1]: process.value_of(amplitude)})
+
+
+def sentence_of(test: ChiSquare, times: Float[np.ndarray, " J"], unit: str) -> str:
+    """Return the test of fit in a line: statistic, degrees of freedom, p and the largest pull.
+
+    Parameters
+    ----------
+    test
+        Of a fit.
+    times, unit
+        Spans of the scales and their unit.
+    """
+    if not test.dof:
+        return "test of fit: none, every scale is fitted exactly"
+    return (
+        f"test of fit: chi-square {test.statistic:.4g} with {test.dof} degrees of freedom, {_p(test.p_value)}; "
+        f"largest pull {_largest(test, times, unit)}"
+    )
+
+
+def misfit_sentence(test: ChiSquare, times: Float[np.ndarray, " J"], unit: str) -> str:
+    """Return what a warning says of a model that misses the data; parameters as of `sentence_of`."""
+    return (
+        f"the model misses the data: the largest pull is {_largest(test, times, unit)} "
+        f"(chi-square {test.statistic:.4g} with {test.dof} degrees of freedom, {_p(test.p_value)}); "
+        "its intervals assume that the model is right"
+    )
+
+
+def largest_pull(test: ChiSquare) -> int | None:
+    """Return the number of the scale with the largest pull; None where every scale is fitted exactly."""
+    return int(np.nanargmax(np.abs(test.pulls))) if np.any(np.isfinite(test.pulls)) else None
+
+
+def _largest(test: ChiSquare, times: Float[np.ndarray, " J"], unit: str) -> str:
+    j = largest_pull(test)
+    return "of no scale" if j is None else f"{test.pulls[j]:+.1f} at a span of {times[j]:.4g} {unit}"
+
+
+def _p(p: float) -> str:
+    return f"p = {p:.2g}" if p > 1e-300 else "p < 1e-300"
