@@ -65,11 +65,14 @@ from gmwm_jax.processes.gauss_markov import AR1 as AR1
 from gmwm_jax.processes.gauss_markov import GM as GM
 from gmwm_jax.processes.matern import MAT32 as MAT32
 from gmwm_jax.processes.matern import MAT52 as MAT52
+from gmwm_jax.processes.own import OwnProcess as OwnProcess
 from gmwm_jax.processes.parameter import Fixed as Fixed
 from gmwm_jax.processes.parameter import Limit as Limit
+from gmwm_jax.processes.parameter import Parameter as Parameter
 from gmwm_jax.processes.quantisation import QN as QN
 from gmwm_jax.processes.random_walk import RW as RW
 from gmwm_jax.processes.registry import parse_model as parse_model
+from gmwm_jax.processes.registry import register as register
 from gmwm_jax.processes.simulation import simulate as simulate
 from gmwm_jax.processes.sinusoid import SIN as SIN
 from gmwm_jax.processes.state_space import StateSpace as StateSpace

@@ -46,6 +46,9 @@ class AbstractProcess(eqx.Module):
     """Can its shape imitate every such part up to its degree?"""
     ergodic: ClassVar[bool] = True
     """Does one record tell the law of all? Else its wavelet variance has no covariance of the usual kind."""
+    determines_covariance: ClassVar[bool] = True
+    """Does what its class defines determine the covariance of its Haar coefficients? Not a wavelet variance alone, where
+    the process is not stationary."""
     deterministic: ClassVar[bool] = False
     """Is it a function of time, with nothing random but a sign that no variance shows? Then it is the mean of the Haar
     coefficients, and no noise."""

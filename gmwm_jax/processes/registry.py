@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from gmwm_jax._internal.states import register
+from gmwm_jax._internal.states import register as register_state
 from gmwm_jax.processes.arma import AR, ARMA, MA
 from gmwm_jax.processes.band_flicker import FLK
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -29,6 +29,8 @@ _FAMILIES: dict[str, tuple[Callable[..., type[AbstractProcess]], int]] = {
     "ARMA": (ARMA, 2),
 }
 """With the number of their orders."""
+_REGISTERED: dict[str, type[AbstractProcess]] = {}
+"""Processes of users, by `register`."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _ORDERS = re.compile(r"\s*(?P<family>AR|MA|ARMA)\s*\((?P<orders>[\d\s,]*)\)\s*", re.IGNORECASE)
@@ -99,6 +101,60 @@ def _count(written: str | None) -> int:
     return 1 if not written else int(written) if len(written) < 10 else MAX_PROCESSES + 1
 
 
+_Class = TypeVar("_Class", bound=type[AbstractProcess])
+
+
+def register(cls: _Class) -> _Class:
+    """Enter a process of your own among those that model texts and saved files know: a decorator of its class.
+
+    Parameters
+    ----------
+    cls
+        A class derived from `OwnProcess` or `AbstractProcess`. Its ``kind``, letters and digits, is its name in texts,
+        in letters of any case.
+
+    Returns
+    -------
+    The class. A class that is defined once more, as when a cell of a notebook runs again, replaces itself.
+
+    Raises
+    ------
+    TypeError
+        It is no class of a process.
+    ValueError
+        Its name cannot stand in a text, or belongs to another process.
+
+    Notes
+    -----
+    A file says the name and the values. Whoever reads it needs the class: import the code that registers it first.
+
+    Examples
+    --------
+    >>> @gj.processes.register
+    ... class Reddened(gj.processes.OwnProcess):
+    ...     g: jax.Array | None
+    ...     kind = "REDDENED"
+    ...     parameters = (gj.processes.Parameter("g", "({u})^2", "PSD at 1 cycle per sample"),)
+    ...     stationary = False
+    ...     @classmethod
+    ...     def unit_psd(cls, shape, frequency):
+    ...         return frequency**-1.5
+    >>> gj.parse_model("WN(sigma2=1.0) + REDDENED(g=1e-3)").labels
+    ('WN', 'REDDENED')
+    """
+    if not (isinstance(cls, type) and issubclass(cls, AbstractProcess)):
+        raise TypeError(f"{cls!r} is no class of a process: derive it from gmwm_jax.processes.OwnProcess.")
+    name = getattr(cls, "kind", "")
+    if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
+        raise ValueError(f"The kind of {cls.__name__} is {name!r}: a model text wants letters and digits, such as MYP.")
+    other = PROCESSES.get(name.upper()) or _REGISTERED.get(name.upper())
+    again = other is not None and (other.__module__, other.__qualname__) == (cls.__module__, cls.__qualname__)
+    if name.upper() in _FAMILIES or (other is not None and not again):
+        raise ValueError(f"There is a process {name.upper()} already: give {cls.__name__} another `kind`.")
+    _REGISTERED[name.upper()] = cls
+    return cls
+
+
 def process_class(kind: str, where: str = "") -> type[AbstractProcess]:
     """Return the class of a process by its name, such as ``GM`` or ``ARMA(2,1)``.
 
@@ -122,8 +178,11 @@ def process_class(kind: str, where: str = "") -> type[AbstractProcess]:
             return family(*orders)
     elif kind.upper() in PROCESSES:
         return PROCESSES[kind.upper()]
+    elif kind.upper() in _REGISTERED:
+        return _REGISTERED[kind.upper()]
     raise ValueError(
-        f"Unknown process {kind.strip()!r}{where}. Known: {', '.join(PROCESSES)}, AR(p), MA(q), ARMA(p,q)."
+        f"Unknown process {kind.strip()!r}{where}. Known: {', '.join([*PROCESSES, *_REGISTERED])}, AR(p), MA(q), "
+        "ARMA(p,q)."
     )
 
 
@@ -173,18 +232,21 @@ def _to_state(p: AbstractProcess) -> _State:
         known = None
     if known is not type(p):
         raise ValueError(
-            f"{p.kind} is a process of your own, which who reads the file may not have. Keep what is computed from it: "
-            "tables, arrays, to_dict()."
+            f"{p.kind} is a process of your own that is not registered, so that no file can name it: put "
+            "gmwm_jax.processes.register before its class. Or keep what is computed from it: tables, arrays, to_dict()."
         )
     values = {q.name: float(v) for q, v in zip(p.parameters, p.values, strict=True) if v is not None}
     return _State(p.kind, values, p.fixed)
 
 
 def _from_state(state: _State) -> AbstractProcess:
-    build: Any = process_class(state.kind)
+    try:
+        build: Any = process_class(state.kind)
+    except ValueError as error:
+        raise ValueError(f"{error} If it is one of your own, import the code that registers it first.") from error
     if unknown := set(state.fixed) - set(state.values):
         raise ValueError(f"{state.kind} holds {', '.join(sorted(unknown))} at no value.")
     return build(**{name: Fixed(v) if name in state.fixed else v for name, v in state.values.items()})
 
 
-register(AbstractProcess, _State, _to_state, _from_state, family=True)
+register_state(AbstractProcess, _State, _to_state, _from_state, family=True)

@@ -112,9 +112,10 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         Parameters
         ----------
         model
-            All parameters given; SIN is not ergodic and has no theory.
+            All parameters given; SIN is not ergodic and has no theory, nor has a process of one's own whose class does
+            not determine a covariance.
         """
-        if not all(p.ergodic for p in model.processes):
+        if not all(p.ergodic and p.determines_covariance for p in model.processes):
             return None
         num_samples = self.num_samples if self.has_theory else None
         return self.estimator.covariance(model, num_samples, self.num_scales, self.present)

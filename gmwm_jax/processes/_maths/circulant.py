@@ -23,8 +23,7 @@ def draw_stationary(autocovariance: Float[Array, " N1"], key: PRNGKey) -> Float[
         Of the random numbers.
     """
     num = autocovariance.shape[0] - 1
-    # of the even sequence gamma(0) .. gamma(N) gamma(N-1) .. gamma(1); rounding may leave a zero slightly below
-    eigenvalues = jnp.fft.rfft(jnp.concatenate([autocovariance, autocovariance[-2:0:-1]])).real
+    eigenvalues = _eigenvalues(autocovariance)  # rounding may leave a zero slightly below
     positive = eigenvalues > 0
     root = jnp.where(positive, jnp.sqrt(jnp.where(positive, eigenvalues, 1.0)), 0.0)
     parts = jax.random.normal(key, (2, num + 1), dtype=jnp.float64)
@@ -33,3 +32,14 @@ def draw_stationary(autocovariance: Float[Array, " N1"], key: PRNGKey) -> Float[
     real = root * jnp.where(ends, parts[0], parts[0] / jnp.sqrt(2.0))
     imaginary = root * jnp.where(ends, 0.0, parts[1] / jnp.sqrt(2.0))
     return jnp.fft.irfft(jax.lax.complex(real, imaginary), n=2 * num)[:num] * jnp.sqrt(2.0 * num)
+
+
+def negative_share(autocovariance: Float[Array, " N1"]) -> Float[Array, ""]:
+    """What the negative eigenvalues of the circulant are of the positive ones: what `draw_stationary` leaves out."""
+    eigenvalues = _eigenvalues(autocovariance)
+    return -jnp.sum(jnp.minimum(eigenvalues, 0.0)) / jnp.sum(jnp.maximum(eigenvalues, 0.0))
+
+
+def _eigenvalues(autocovariance: Float[Array, " N1"]) -> Float[Array, " N1"]:
+    """Of the even sequence gamma(0) .. gamma(N) gamma(N-1) .. gamma(1)."""
+    return jnp.fft.rfft(jnp.concatenate([autocovariance, autocovariance[-2:0:-1]])).real
