@@ -43,9 +43,45 @@ noise and take no ``WN`` beside them.
 N_0 of a Gauss-Markov process is its density as white noise over times much longer than its correlation time: what the
 -1/2 slope of an Allan plot shows. With a correlation time near one sample it is larger than √q/(beta f).
 
-A new process is one file here, with a class that derives from `AbstractProcess` (white_noise.py is the shortest example),
-one row in ``registry.py``, and one row in the table of the tests, by which all tests of theory, simulation, covariance and
-units run on it.
+A process of your own
+---------------------
+It needs a class that derives from `OwnProcess`, names its parameters (the last one carries the amplitude) and defines one
+law for unit amplitude: the PSD, the autocovariance, or the wavelet variance. All others follow numerically, to the accuracy
+that `OwnProcess` states, and with them fits, standard errors, selection and simulation. `register` gives it a text form,
+by which files know it as well; without it the object serves. Here noise that is flat up to a corner and falls as a power
+of frequency beyond it:
+
+>>> @gj.processes.register
+... class Knee(gj.processes.OwnProcess):
+...     fc: jax.Array | None
+...     a: jax.Array | None
+...     c: jax.Array | None
+...     kind = "KNEE"
+...     parameters = (
+...         gj.processes.Parameter("fc", "1/sample", "corner frequency"),
+...         gj.processes.Parameter("a", "1", "exponent", lower=0.5, upper=1.5),
+...         gj.processes.Parameter("c", "({u})^2", "PSD at 0"),
+...     )
+...     @classmethod
+...     def unit_psd(cls, shape, frequency):
+...         fc, a = shape
+...         return 1 / (1 + (frequency / fc) ** a)
+>>> truth = gj.WN(sigma2=1e-6) + Knee(fc=2e-3, a=1.3, c=1e-4)
+>>> x = gj.simulate(truth, 100_000, key=jax.random.key(7))
+>>> fit = gj.fit(gj.wavelet_variance(np.asarray(x)), "WN + KNEE")
+>>> fit.model.labels
+('WN', 'KNEE')
+>>> bool(abs(fit.model.processes[1].a - 1.3) < 0.1)
+True
+
+Whatever else the class defines replaces what would follow: ``continuous`` gives it rows in the tables of filters and
+datasheets and lets it move to another rate, ``state_space`` lets a Kalman filter hold it (a power of frequency, for example,
+by a sum of Gauss-Markov processes). A filter without ``state_space`` leaves the process out, and an analysis of covariances
+refuses it.
+
+A process for the package is one file here, with a class that derives from `AbstractProcess` and has all laws in closed form
+(white_noise.py is the shortest example), one row in ``registry.py``, and one row in the table of the tests, by which all
+tests of theory, simulation, covariance and units run on it.
 """  # noqa: E501
 
 from gmwm_jax.processes.arma import AR as AR

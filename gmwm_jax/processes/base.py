@@ -47,8 +47,8 @@ class AbstractProcess(eqx.Module):
     ergodic: ClassVar[bool] = True
     """Does one record tell the law of all? Else its wavelet variance has no covariance of the usual kind."""
     determines_covariance: ClassVar[bool] = True
-    """Does what its class defines determine the covariance of its Haar coefficients? Not a wavelet variance alone, where
-    the process is not stationary."""
+    """Does what its class defines determine the covariance of its Haar coefficients? A wavelet variance alone does not,
+    where the process is not stationary."""
     deterministic: ClassVar[bool] = False
     """Is it a function of time, with nothing random but a sign that no variance shows? Then it is the mean of the Haar
     coefficients, and no noise."""

@@ -107,7 +107,7 @@ def _panel_sums(start: int, length: int, nodes: Float[np.ndarray, "2 Q"]) -> Flo
 
 
 def _second_difference(nodes: Float[np.ndarray, " Q"]) -> Float[np.ndarray, "Q Q"]:
-    """p'' + p''''/12 of the polynomial through the values at the nodes."""
+    """Of the polynomial p through the values at the nodes, p'' + p''''/12."""
     w = _barycentric(nodes)
     gaps = nodes[:, None] - nodes
     slope = np.where(gaps == 0, 0.0, w[None, :] / w[:, None] / np.where(gaps == 0, 1.0, gaps))
@@ -125,12 +125,14 @@ def lattice(resolution: int = 1) -> Lattice:
         starts.append(at)
         lengths.append(at // (_GRADED * resolution) // 2 * 2)
         at += lengths[-1]
-    own = np.stack([[start + p + 2 * _chebyshev(n // 2) for p in (0, 1)] for start, n in zip(starts, lengths)])
+    own = np.stack(
+        [[start + p + 2 * _chebyshev(n // 2) for p in (0, 1)] for start, n in zip(starts, lengths, strict=True)]
+    )
     lags = np.concatenate([np.arange(first, dtype=float), own.ravel()])
     steps = 2 * np.arange(first // 2 - _NODES + 1)[:, None] + 2 * np.arange(_NODES)
     panel = first + 2 * _NODES * np.arange(len(starts))[:, None] + np.arange(_NODES)
     index = np.stack([np.concatenate([steps + p, panel + p * _NODES]) for p in (0, 1)])
-    sums = [_panel_sums(start, n, nodes) for start, n, nodes in zip(starts, lengths, own)]
+    sums = [_panel_sums(start, n, nodes) for start, n, nodes in zip(starts, lengths, own, strict=True)]
     second = np.zeros((len(starts), 2 * _NODES, 2 * _NODES))
     for r, nodes in enumerate(own):
         second[r, :_NODES, :_NODES], second[r, _NODES:, _NODES:] = map(_second_difference, nodes)
@@ -263,13 +265,14 @@ def spectrum(at: Lattice, variance: Any, D: Float[Array, " L"], frequency: Float
     even, odd, mean = interpolate(at, D, h, ones), interpolate(at, D, h, -ones), interpolate(at, smooth, h, ones)
 
     def summed(gamma: Array, f: Array) -> Array:
-        f = f[..., None]
-        cosine = jnp.cos(2 * np.pi * (f * h - jnp.round(f * h)))
-        return 2 * jnp.sum(jnp.where(f * stride < 0.5, cosine, 0.0) * weight * gamma, axis=-1)
+        turns = f[:, None] * h[None]
+        seen = f[:, None] * stride[None] < 0.5
+        return 2 * jnp.where(seen, jnp.cos(2 * np.pi * (turns - jnp.round(turns))), 0.0) @ (weight * gamma)
 
     steady = jnp.where(direct, variance - own, variance - mean)
     alternating = jnp.where(direct, 0.0, (odd - even) / 2)
-    return variance + summed(steady, frequency) + summed(alternating, 0.5 - frequency)
+    f = frequency.ravel()
+    return (variance + summed(steady, f) + summed(alternating, 0.5 - f)).reshape(frequency.shape)
 
 
 def _rise(lag: Any, middle: float) -> Any:

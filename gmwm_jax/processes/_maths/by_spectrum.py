@@ -1,15 +1,16 @@
 """Integrals of a spectrum against sines and cosines of any frequency, by weights that the spectrum is multiplied with.
 
-The band (0, 1/2] is cut into panels that halve in width towards 0 and, less far, towards 1/2, with Gauss's nodes in each. A panel in which a cosine
-turns by few radians is summed as it is; in the others the spectrum is expanded in Legendre polynomials, whose integrals
-against a wave are spherical Bessel functions (Bakhvalov & Vasil'eva 1968),
+The band (0, 1/2] is cut into panels that halve in width towards 0 and, less far, towards 1/2, with Gauss's nodes in
+each. A panel in which a cosine turns by few radians is summed as it is; in the others the spectrum is expanded in Legendre
+polynomials, whose integrals against a wave are spherical Bessel functions (Bakhvalov & Vasil'eva 1968),
 
     int_-1^1 P_k(x) exp(i w x) dx = 2 i^k j_k(w),
 
 so that what is resolved is the spectrum, however fast the wave. Below 2^-28 cycles per sample no filter that fits into
 a record has a whole turn, and panels of four octaves in log(f) go on to 2^-64. With half spans n = tau/2 (see `haar`)
 
-    nu^2(tau) = 2 int_0^1/2 S(f) sin(pi f n)^4/(n sin(pi f))^2 df,    gamma(0) - gamma(h) = 4 int_0^1/2 S sin(pi f h)^2 df.
+    nu^2(tau) = 2 int_0^1/2 S(f) sin(pi f n)^4/(n sin(pi f))^2 df,
+    gamma(0) - gamma(h) = 4 int_0^1/2 S(f) sin(pi f h)^2 df.
 """
 
 from functools import lru_cache
@@ -72,13 +73,13 @@ def _legendre() -> Float[np.ndarray, "K Q"]:
 
 
 def _cosine(p: Panels, m: Any, xp: Any) -> Any:
-    """Weights (*M, B, Q) of int G(f) cos(2 pi f m) df for m >= 0."""
-    m = m[..., None]
-    turn = 2 * np.pi * m * p.half
+    """Weights (M, B, Q) of int G(f) cos(2 pi f m) df for m >= 0, (M,)."""
+    m = m[:, None]
+    turn = 2 * np.pi * m * p.half[None]
     many = turn > _FEW_RADIANS
     w = xp.where(many, turn, _FEW_RADIANS)
     # of the wave at the centre, without the whole turns
-    phase = m * p.centre
+    phase = m * p.centre[None]
     phase = 2 * np.pi * (phase - xp.floor(phase))
     cosine, sine = xp.cos(phase), xp.sin(phase)
     before, bessel = xp.sin(w) / w, (xp.sin(w) / w - xp.cos(w)) / w
@@ -86,20 +87,20 @@ def _cosine(p: Panels, m: Any, xp: Any) -> Any:
     for k in range(1, _NODES):  # i^k = 1, i, -1, -i
         terms.append(bessel * (-sine, -cosine, sine, cosine)[(k - 1) % 4])
         before, bessel = bessel, (2 * k + 1) / w * bessel - before
-    waves = xp.stack(terms, axis=-1) @ _legendre() * p.weight
-    few = p.weight * xp.cos(2 * np.pi * xp.where(many, 0.0, m)[..., None] * p.frequency)
+    waves = xp.stack(terms, axis=-1) @ _legendre() * p.weight[None]
+    few = p.weight[None] * xp.cos(2 * np.pi * xp.where(many, 0.0, m)[..., None] * p.frequency[None])
     return xp.where(many[..., None], waves, few)
 
 
-def wavelet_variance_weights(p: Panels, tau: Float[Array, "*J"]) -> Float[Array, "*J B Q"]:
-    """What the spectrum is multiplied with, and summed."""
-    n = lax.optimization_barrier(tau / 2)  # known spans would be folded into constants, slowly
-    few = 4 * np.pi * n[..., None] * p.half <= _FEW_RADIANS
-    safe = jnp.where(few, n[..., None], 0.0)[..., None]
-    slow = p.weight * jnp.sin(np.pi * p.frequency * safe) ** 4
-    fast = (3 * p.weight - 4 * _cosine(p, n, jnp) + _cosine(p, 2 * n, jnp)) / 8
-    gain = 2 / np.sin(np.pi * p.frequency) ** 2 / (n * n)[..., None, None]
-    return gain * jnp.where(few[..., None], slow, fast)
+def wavelet_variance(p: Panels, spectrum: Float[Array, "B Q"], tau: Float[Array, "*J"]) -> Float[Array, "*J"]:
+    """Haar wavelet variance at even spans."""
+    n = lax.optimization_barrier(tau.ravel() / 2)  # known spans would be folded into constants, slowly
+    few = 4 * np.pi * n[:, None] * p.half[None] <= _FEW_RADIANS
+    safe = jnp.where(few, n[:, None], 0.0)[..., None]
+    slow = p.weight[None] * jnp.sin(np.pi * p.frequency[None] * safe) ** 4
+    fast = (3 * p.weight[None] - 4 * _cosine(p, n, jnp) + _cosine(p, 2 * n, jnp)) / 8
+    weights = jnp.where(few[..., None], slow, fast) * (2 / np.sin(np.pi * p.frequency) ** 2)[None]
+    return (jnp.einsum("jbq,bq->j", weights, spectrum) / (n * n)).reshape(tau.shape)
 
 
 def structure(resolution: int, spectrum: Float[Array, "B Q"]) -> Float[Array, " L"]:

@@ -1,4 +1,7 @@
-"""A process that a user defines is fitted and printed as those of the package are."""
+"""A process of which a user defines all laws is fitted and printed as those of the package are.
+
+One that defines a single law is in test_own_process.py.
+"""
 
 from typing import Any, ClassVar
 
