@@ -1,8 +1,8 @@
 """Integrals of a spectrum against sines and cosines of any frequency, by weights that the spectrum is multiplied with.
 
 The band (0, 1/2] is cut into panels that halve in width towards 0 and, less far, towards 1/2, with Gauss's nodes in
-each. A panel in which a cosine turns by few radians is summed as it is; in the others the spectrum is expanded in Legendre
-polynomials, whose integrals against a wave are spherical Bessel functions (Bakhvalov & Vasil'eva 1968),
+each. A panel in which a cosine turns by few radians is summed as it is; in the others the spectrum is expanded in
+Legendre polynomials, whose integrals against a wave are spherical Bessel functions (Bakhvalov & Vasil'eva 1968),
 
     int_-1^1 P_k(x) exp(i w x) dx = 2 i^k j_k(w),
 
