@@ -264,7 +264,7 @@ class OwnProcess(AbstractProcess):
         return each[0] if len(each) == 1 else xp.stack(each, axis=-1)
 
     @classmethod
-    def coordinate_bounds(cls, tau_max: float) -> tuple[Any, Any]:
+    def coordinate_bounds(cls, tau_max: float) -> Any:
         """By the units and the bounds of the parameters."""
         ends = [tuple(math.log(v) if _is_log(p) else v for v in _range(p, tau_max)) for p in cls._shape_parameters()]
         return ends[0] if len(ends) == 1 else tuple(ends)
