@@ -15,9 +15,10 @@ How to read a fit
   are beyond what chance does under the model, a warning stands before the estimates, in overviews of channels, in JSON and in
   the comments of exports: the intervals are then of little use. Its test knows how skew a variance of few degrees of freedom
   is, so that a right model is hardly ever warned of; p, which does not, is below 5 % for 5 to 20 % of right models.
-* at boundary: a component that the data do not want is exactly zero and stays in the table. A Gauss-Markov process whose
-  correlation time leaves the range that the record can show is a random walk, or white noise: reported is then what that
-  limit has (q, or the variance and N_0), with its interval, and nothing of what it has not.
+* at boundary: a component that the data do not want is exactly zero and stays in the table, with an interval from 0 to
+  what it may be all the same. A Gauss-Markov process whose correlation time leaves the range that the record can show is
+  a random walk, or white noise: reported is then what that limit has (q, or the variance and N_0), with its interval;
+  what it has not is no value, but may have an interval up to the limit (beta from 0 to the largest that the data leave).
 * not told apart from others: the data fix a sum of components and not its parts; these have a value but no interval.
 * agreement: the share of descents, from many starting points, that came to the same minimum. A low one says that the data
   hardly tell the components apart.
@@ -25,7 +26,9 @@ How to read a fit
   white at the step of the filter together: white noise that comes out as zero beside a Gauss-Markov process of half a sample
   is there again. K is the random walk that stands for all the others, B the lowest Allan deviation over 0.664: see `bias`.
 * intervals: 95 %, by the delta method from the exact covariance of the wavelet variance under the fitted model, symmetric on
-  the log (phi: logit) scale. They assume that the model is right and the noise Gaussian.
+  the log (phi: logit) scale. Beside a component that is at a boundary, or near one, they are longer, on the side to which
+  the others move if it is a little inside: see `gmwm_jax.fitting.boundary`. They assume that the model is right and the
+  noise Gaussian.
 
 Out to other filters
 --------------------

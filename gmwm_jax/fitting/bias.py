@@ -23,7 +23,7 @@ Bias instability. B is the lowest Allan deviation of the whole model over 0.664,
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,7 @@ from gmwm_jax import units as units_
 from gmwm_jax._internal.checks import number, sampling_rate
 from gmwm_jax._internal.host import known
 from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax.fitting.boundary import root_sum_of_squares
 from gmwm_jax.fitting.standard_errors import component_variances, evaluate
 from gmwm_jax.fitting.tables import Estimate, EstimateTable, LogQuantities
 from gmwm_jax.processes.base import AbstractProcess, Composite
@@ -88,6 +89,8 @@ class WhiteAndBias:
         Allan deviation of the bias at these, shape (J,).
     level
         Confidence of the interval.
+    ends
+        Both ends of the interval of N, where a component in it is at a boundary or near one; None: by `error`.
     """
 
     unit: str
@@ -107,6 +110,7 @@ class WhiteAndBias:
     times: Float[np.ndarray, " J"]
     bias_deviation: Float[np.ndarray, " J"]
     level: float
+    ends: tuple[float, float] | None = None
 
     def table(self, *, datasheet: bool = True) -> EstimateTable:
         """Return N, K and B as a table.
@@ -118,6 +122,8 @@ class WhiteAndBias:
         """
         spread = normal_quantile(self.level) * self.error
         low, high = (self.N * math.exp(sign * spread) for sign in (-1, 1)) if self.white else (math.nan, math.nan)
+        if self.ends is not None:
+            low, high = self.ends
         white = " + ".join(self.white) or "nothing is white at the step"
         walk = f"{' + '.join(self.bias)} at T = {self.interval:.4g} s" if self.bias else "nothing else is there"
         where = "an upper bound: lowest at the end," if self.upper_bound else "lowest at"
@@ -159,6 +165,7 @@ def white_and_bias(
     logs: tuple[np.ndarray, np.ndarray] | None = None,
     components: Float[np.ndarray, "C J"] | None = None,
     level: float = 0.95,
+    ends: Callable[[list[int]], tuple[float, float]] | None = None,
 ) -> WhiteAndBias:
     """Reduce a model to the two numbers of a filter with white noise and a bias, and the lowest Allan deviation.
 
@@ -186,6 +193,9 @@ def white_and_bias(
         Wavelet variance of each component at `scales`, if it is known.
     level
         Confidence of the interval.
+    ends
+        From the positions of quantities in `logs` to the interval of the root of their sum of squares, where it is not
+        symmetric on the log scale: see `gmwm_jax.fitting.boundary`.
 
     Returns
     -------
@@ -218,10 +228,11 @@ def white_and_bias(
     if logs is None:
         values = np.asarray(evaluate(LogQuantities.of(model, f), model))
         logs = values, np.full((len(values), len(values)), np.nan)
-    at = _densities_white_at(step * f, model)
-    # a component without variance is neither
-    at = {i: j for i, j in at.items() if logs[0][j] > -np.inf}
-    N, error = _root_sum_of_squares(*logs, list(at.values()))
+    white_at = _densities_white_at(step * f, model)
+    # a component without variance is neither; but it may have some
+    at = {i: j for i, j in white_at.items() if logs[0][j] > -np.inf}
+    may_be = [j for i, j in white_at.items() if i in at or not model.processes[i].shape]
+    N, error = root_sum_of_squares(*logs, list(at.values()))
     parts = np.asarray(component_variances(model, tau) if components is None else components)
     slow = [i for i, p in enumerate(model.processes) if p.in_filter and i not in at and np.any(parts[i] > 0)]
     nu, times = parts[slow].sum(axis=0), tau / (2 * f)
@@ -254,6 +265,7 @@ def white_and_bias(
         times=times,
         bias_deviation=np.sqrt(2 * nu),
         level=level,
+        ends=None if ends is None or not may_be else ends(may_be),
     )
 
 
@@ -290,16 +302,6 @@ def _densities_white_at(step: float, model: Composite) -> dict[int, int]:
             found[i] = start + at
         start += len(quantities)
     return found
-
-
-def _root_sum_of_squares(logs: np.ndarray, covariance: np.ndarray, at: list[int]) -> tuple[float, float]:
-    """The root of the sum of squares of quantities, and the standard error of its log."""
-    if not at:
-        return 0.0, math.nan
-    squares = np.exp(2 * logs[at])
-    weights = squares / squares.sum()
-    variance = float(weights @ covariance[np.ix_(at, at)] @ weights)
-    return math.sqrt(squares.sum()), math.sqrt(variance) if variance > 0 else math.nan
 
 
 def _meeting(nu: np.ndarray, white: np.ndarray, possible: np.ndarray) -> tuple[int, str]:

@@ -21,6 +21,7 @@ from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.fitting.bias import WhiteAndBias, summary_rows, white_and_bias
+from gmwm_jax.fitting.boundary import Boundary, Quantities
 from gmwm_jax.fitting.contradictions import contradictions
 from gmwm_jax.fitting.exports.noise import ChannelNoise
 from gmwm_jax.fitting.exports.registry import format_of
@@ -285,7 +286,9 @@ class Fit(Drawable, Saved, Labelled):
             errors[list(self.active)] = np.sqrt(np.diag(self.covariance))
             if any(p.num_coordinates > 1 for p in self.model.processes):  # the real line mixes their parameters
                 errors = np.asarray(delta_method(_lines, self.model, self.active, self.covariance))
-        return parameter_table(self.model, self.unit, errors=errors, **self._at_level())
+        near = self.boundary()
+        ends = None if near is None else near.ends
+        return parameter_table(self.model, self.unit, errors=errors, ends=ends, **self._at_level())
 
     def continuous(self, rate: float | None = None) -> EstimateTable:
         """Return the continuous-time quantities in SI that a Kalman filter takes.
@@ -325,11 +328,38 @@ class Fit(Drawable, Saved, Labelled):
         if self.covariance is not None:
             values, _, covariance, components = self._tables(LogQuantities.of(self.model, rate))
             options |= {"logs": (np.asarray(values), np.asarray(covariance)), "components": np.asarray(components)}
+        near, first = self.boundary(rate), self.model.num_parameters
+        if near is not None:
+            options["ends"] = lambda at: near.root_sum_of_squares([first + i for i in at])
         return white_and_bias(self.model, rate, self.unit, **options)
 
     def _tables(self, quantities: LogQuantities) -> tuple[Array, ...]:
         """What all tables in continuous time ask of this fit, by one program."""
         return with_errors_and_components(quantities, self.model, self.active, self.covariance, self.wv.scales)
+
+    def boundary(self, rate: float | None = None) -> Boundary | None:
+        """Return what intervals are where a component is at a boundary or near one; None elsewhere.
+
+        Parameters
+        ----------
+        rate
+            Sampling rate in Hz, if the data do not know theirs.
+        """
+        rate = float(rate or self.rate or 1.0)  # without one only parameters are asked for
+        if rate not in self._boundaries:
+            self._boundaries[rate] = self._boundary_at(rate)
+        return self._boundaries[rate]
+
+    @cached_property
+    def _boundaries(self) -> dict[float, Boundary | None]:
+        """By rate."""
+        return {}
+
+    def _boundary_at(self, rate: float) -> Boundary | None:
+        if self.covariance is None:
+            return None
+        found = Boundary(self, Quantities(LogQuantities.of(self.model, rate)))
+        return found if found.is_near else None
 
     @property
     def log_quantities(self) -> LogQuantities:
@@ -343,8 +373,16 @@ class Fit(Drawable, Saved, Labelled):
             values, sd, *_ = self._tables(logs)
             return np.asarray(values), np.asarray(sd)
 
-        known = None if self.covariance is None else errors
-        return continuous_table(self.model, rate, self.unit, datasheet=datasheet, errors=known, **self._at_level())
+        near, first = self.boundary(rate), self.model.num_parameters
+        return continuous_table(
+            self.model,
+            rate,
+            self.unit,
+            datasheet=datasheet,
+            errors=None if self.covariance is None else errors,
+            ends=None if near is None else (near.ends[0][first:], near.ends[1][first:]),
+            **self._at_level(),
+        )
 
     def _at_level(self) -> dict[str, Any]:
         return {"z": normal_quantile(self.level), "level": self.level, "boundary": self.at_boundary}

@@ -6,12 +6,12 @@ real line (log, or logit for phi), on which intervals are symmetric: they never 
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.host import compiled_quickly, known, namespace
@@ -19,6 +19,8 @@ from gmwm_jax.processes.base import Composite
 
 _RANK_TOLERANCE = 1e-8
 """Of the singular values of the whitened derivative: beyond it no data tell two parameters apart."""
+_NUM_STEPS, _LONGEST_STEP = 12, 1.0
+"""Of Gauss and Newton, from a minimum to one beside it; on the log scale."""
 
 
 def parameter_covariance(
@@ -184,3 +186,72 @@ def _jacobian(quantity: Callable[[Composite], Array], model: Composite, active: 
     """In the active parameters; zero in the others, which may be infinite on the real line."""
     J = jax.jacfwd(lambda eta: quantity(model.with_unconstrained(eta)))(model.unconstrained())
     return jnp.where(active[None, :], J, 0.0)
+
+
+class ConditionalFits(NamedTuple):
+    """The model fitted again with some of its parameters held elsewhere, for each of N places of these."""
+
+    values: Any
+    """Shape (N, Q): Of the quantity."""
+    slopes: Any
+    """Shape (N, Q, P): Its derivatives in all parameters on the real line."""
+    fitted: Any
+    """Shape (N, J): Wavelet variance."""
+    estimator: Any
+    """Shape (N, P, J): B of the free parameters."""
+    whole: Any
+    """Shape (N, P, J): B of the free parameters and the tested one."""
+    unseen: Any
+    """Shape (N, P): Which of the latter move along a direction that data do not see."""
+
+
+@compiled_quickly(static_argnums=(0,))
+def conditional_fits(
+    quantity: Callable[[Composite], Array],
+    model: Composite,
+    places: Float[Array, "N P"],
+    free: Bool[Array, " P"],
+    tested: Bool[Array, " P"],
+    target: Float[Array, " J"],
+    whitener: Float[Array, "J J"],
+    tau: Float[Array, " J"],
+) -> ConditionalFits:
+    """Fit a wavelet variance again with parameters held, from places near the minimum, by Gauss-Newton steps.
+
+    Parameters
+    ----------
+    quantity
+        Hashable; model -> vector.
+    model
+        Its structure; its values do not matter.
+    places
+        All parameters on the real line: where the free ones start, and where the others stay.
+    free
+        Those that are fitted.
+    tested
+        One more, held as well, which `whole` takes for free.
+    target
+        Wavelet variance to fit.
+    whitener, tau
+        As of `parameter_covariance`.
+    """
+
+    def variance(eta: Array) -> Array:
+        return model.with_unconstrained(eta).wavelet_variance(tau)
+
+    def moved(eta: Array) -> Array:
+        return quantity(model.with_unconstrained(eta))
+
+    def step(_: Any, eta: Array) -> Array:
+        A = jnp.where(free[None, :], jax.jacfwd(variance)(eta), 0.0)
+        move = _estimator(A, whitener)[0] @ (target - variance(eta))
+        return eta + jnp.clip(jnp.where(jnp.isfinite(move), move, 0.0), -_LONGEST_STEP, _LONGEST_STEP)
+
+    def at(place: Array) -> ConditionalFits:
+        eta = lax.fori_loop(0, _NUM_STEPS, step, place)
+        A = jax.jacfwd(variance)(eta)
+        held, _ = _estimator(jnp.where(free[None, :], A, 0.0), whitener)
+        whole, unseen = _estimator(jnp.where((free | tested)[None, :], A, 0.0), whitener)
+        return ConditionalFits(moved(eta), jax.jacfwd(moved)(eta), variance(eta), held, whole, unseen)
+
+    return jax.vmap(at)(places)

@@ -94,6 +94,7 @@ def parameter_table(
     level: float,
     errors: Float[np.ndarray, " P"],
     boundary: Mapping[str, Outcome],
+    ends: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> EstimateTable:
     """Parameters per sample, with intervals symmetric on the log (for phi: logit) scale.
 
@@ -107,6 +108,8 @@ def parameter_table(
         Standard errors on the real line, NaN for what was not estimated.
     boundary
         Label -> what became of it, for components at a boundary: what data do not determine there is NaN.
+    ends
+        Both ends of the intervals on the real line, where these are not symmetric: see `gmwm_jax.fitting.boundary`.
     """
     spread = z * errors
     estimates, at = [], 0
@@ -116,6 +119,8 @@ def parameter_table(
             low = high = np.nan
             if _is_confused(spread, at, note):
                 note = Outcome.NOT_TOLD_APART
+            elif ends is not None:
+                low, high = (float(q.from_line(end[at])) for end in ends)
             elif spread[at] > 0 and note is not Outcome.NOT_IDENTIFIED:
                 x = q.to_line(value)
                 low, high = float(q.from_line(x - spread[at])), float(q.from_line(x + spread[at]))
@@ -135,6 +140,7 @@ def continuous_table(
     level: float = 0.95,
     errors: Callable[["LogQuantities"], tuple[np.ndarray, np.ndarray]] | None = None,
     boundary: Mapping[str, Outcome] | None = None,
+    ends: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> EstimateTable:
     """Tabulate the continuous-time quantities of a model, in SI or in the units of datasheets.
 
@@ -152,6 +158,8 @@ def continuous_table(
         As of `parameter_table`.
     errors
         The logs of quantities and their standard errors; without it there are no intervals.
+    ends
+        Both ends of the intervals of the logs, where these are not symmetric: see `gmwm_jax.fitting.boundary`.
 
     Returns
     -------
@@ -194,14 +202,20 @@ def continuous_table(
             if _is_confused(spread, at, note):
                 note = Outcome.NOT_TOLD_APART
             value, factor = float(values[at]), np.exp(spread[at]) if 0 < spread[at] < _WIDEST else np.nan
+            low, high = value / factor, value * factor
+            if ends is not None and note is not Outcome.NOT_TOLD_APART:
+                with np.errstate(over="ignore"):
+                    low, high = (float(np.exp(end[at])) for end in ends)
             if np.isnan(value):
-                note = form.undefined
+                note, low, high = form.undefined, np.nan, np.nan
             if note is Outcome.NOT_IDENTIFIED:
                 value = np.nan
+                low, high = (low, high) if ends is not None else (np.nan, np.nan)
             si = q.si_unit(unit)
             shown = q.datasheet_units(unit)[0] if datasheet else si
-            value /= 1.0 if shown == si else units_.unit(shown).factor
-            estimates.append(Estimate(label, q.symbol, value, shown, value / factor, value * factor, note, q.meaning))
+            size = 1.0 if shown == si else units_.unit(shown).factor
+            value, low, high = (x / size for x in (value, low, high))
+            estimates.append(Estimate(label, q.symbol, value, shown, low, high, note, q.meaning))
     title = "Datasheet units" if datasheet else "Continuous time, SI"
     return EstimateTable(f"{title} (at {f:g} Hz)", tuple(estimates), level, tuple(remarks))
 

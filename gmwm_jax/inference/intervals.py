@@ -2,6 +2,13 @@
 
 All on the real line of a parameter (log; logit for phi), x the estimate and x* its replicates: ``percentile`` takes
 quantiles of x*; ``basic`` mirrors them at x, 2x - x*; ``studentised`` scales by standard errors, x - s (x* - x)/s*.
+
+At a boundary the estimates are not normal and no bootstrap is right for all truths near it (Andrews 2000). Percentiles
+still cover: where the estimate is zero, those of its replicates reach from zero to z standard deviations, which is as
+far as the truth can be, and the replicates of the others move to the side on which they then are
+(`gmwm_jax.fitting.boundary` has the same reach by theory). To mirror them would turn that to the wrong side, and
+standard errors of replicates on both sides of the boundary have no common scale: there is neither ``basic`` nor
+``studentised`` of a fit at a boundary. A coverage table in the validation has theory and percentiles beside each other.
 """
 
 from collections.abc import Callable
@@ -19,6 +26,7 @@ from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.standard_errors import delta_method, evaluate, parameter_covariance
 from gmwm_jax.fitting.tables import Estimate, EstimateTable
 from gmwm_jax.processes.base import Composite
+from gmwm_jax.units import unit
 
 KINDS = ("percentile", "basic", "studentised")
 _IN_A_TAIL = 5
@@ -49,7 +57,7 @@ def interval(
     Raises
     ------
     ValueError
-        Another kind; too few replicates for the level.
+        Another kind; too few replicates for the level; not percentiles, of a fit with a component at a boundary.
     """
     return as_parameters(fit.model, *_ends(fit, good, line, kind, level))
 
@@ -79,12 +87,16 @@ def in_table(
     fit: Fit, table: EstimateTable, low: Float[np.ndarray, " Q"], high: Float[np.ndarray, " Q"]
 ) -> list[Estimate]:
     """The entries of a table of continuous-time quantities, with intervals given for `Fit.log_quantities`."""
-    logs = fit.log_quantities
-    at_estimate = np.asarray(evaluate(logs, fit.model))
-    low, high = np.exp(low - at_estimate), np.exp(high - at_estimate)
-    names = [(label, q.symbol) for label, qs in zip(fit.model.labels, logs.quantities, strict=True) for q in qs]
-    at = [names.index((e.component, e.symbol)) for e in table]
-    return [replace(e, ci_low=e.value * low[i], ci_high=e.value * high[i]) for e, i in zip(table, at, strict=True)]
+    quantities = zip(fit.model.labels, fit.log_quantities.quantities, strict=True)
+    named = [(label, q) for label, qs in quantities for q in qs]
+    at = {(label, q.symbol): i for i, (label, q) in enumerate(named)}
+    entries = []
+    for e in table:
+        i = at[e.component, e.symbol]
+        size = 1.0 if e.unit == named[i][1].si_unit(fit.unit) else unit(e.unit).factor
+        ends = [np.exp(end[i]) / size if np.isfinite(e.value) else np.nan for end in (low, high)]
+        entries.append(replace(e, ci_low=float(ends[0]), ci_high=float(ends[1])))
+    return entries
 
 
 def replicates_needed(level: float) -> int:
@@ -120,6 +132,12 @@ def _ends(
         raise ValueError(
             f"{len(good)} replicates are too few for {100 * level:g} % intervals, which take {needed}: "
             f"{_IN_A_TAIL} beyond each end."
+        )
+    if fit.at_boundary and kind != "percentile":
+        seen = ", ".join(f"{label} {outcome}" for label, outcome in fit.at_boundary.items())
+        raise ValueError(
+            f"There are no {kind} intervals here ({seen}): mirrored or scaled, replicates of an estimate at its "
+            'boundary lie on the wrong side of it. Take kind="percentile", which covers there.'
         )
     draws = on_the_line(fit.model, good)
     x = np.asarray(evaluate(quantity, fit.model))
