@@ -40,19 +40,21 @@ class OwnProcess(AbstractProcess):
     class methods for unit amplitude, with ``shape`` the other parameters in order:
 
     ``unit_psd(cls, shape, frequency)``
-        Two-sided PSD at 0 < frequency <= 1/2, per cycle per sample, smooth in the logarithm of frequency, not steeper
-        than frequency^-2.5 towards 0. From it follow the wavelet variance to 1e-9, the covariance of Haar coefficients
-        to 1e-7 of the standard deviations, and, if ``stationary``, the autocovariance to 1e-10 of the variance.
+        Two-sided PSD at 0 < frequency <= 1/2, per cycle per sample, smooth in the logarithm of frequency (or of its
+        distance from 1/2), not steeper than frequency^-2 towards 0. From it follow the wavelet variance to 1e-9 and, if
+        ``stationary``, the autocovariance to 1e-10 of the variance.
     ``unit_autocovariance(cls, shape, lag)``
-        At integers >= 0, up to 2^25. The wavelet variance follows to 1e-10 of the variance of the process divided by
-        the span, or of the variance itself times 1e-15; the PSD to 1e-8 of its largest value, above 1e-7
-        cycles per sample.
+        At integers >= 0, up to 2^25. The wavelet variance follows to 1e-8, or to 1e-15 of the variance of a sample; the
+        PSD to 1e-6 of its largest value, above 1e-6 cycles per sample.
     ``unit_wavelet_variance(cls, shape, tau)``
         At *all* even spans, not only powers of two, and up to 2^85. Of a process that is stationary the variance of a
         mean of m samples is then the sum of nu^2(2m) + nu^2(4m) + nu^2(8m) + .., and from it the autocovariance
-        follows, beyond 256 samples without what alternates from sample to sample. With ``stationary = False`` other
-        processes have the same wavelet variance, so that nothing follows: a fit has no standard errors, and there is
-        no simulation.
+        follows to 1e-9 of the variance, beyond 256 samples without what alternates from sample to sample, and the PSD
+        to 1e-5 of its largest value. With ``stationary = False`` other processes have the same wavelet variance, so
+        that nothing follows: a fit has no standard errors, and there is no simulation.
+
+    The covariance of the wavelet variance, and with it standard errors, follows to 1e-6 of the standard deviations;
+    from a wavelet variance to 1e-5 where the process remembers longer than the record.
 
     Whatever else a class defines replaces what would follow: ``simulate``, ``state_space`` (None unless defined: no
     filter then holds it), ``continuous``, ``amplitude_of`` and ``value_of``, ``correlation_time``, ``ringing``, the
@@ -62,7 +64,8 @@ class OwnProcess(AbstractProcess):
     digits; for a narrower one set ``resolution`` to 2 or 4, and define ``ringing``.
 
     A search looks for a parameter with the unit ``1/sample`` from 0.01/tau_max to 3, for one with ``sample`` from 0.3
-    to 100 tau_max, for others between the bounds of the `Parameter`, or from 1e-3 to 1e3.
+    to 100 tau_max, for others between the bounds of the `Parameter`, or from 1e-3 to 1e3. An estimate at such an end is
+    not marked, unless the class says what the process is there, by `limit_of`.
 
     Examples
     --------
@@ -133,9 +136,7 @@ class OwnProcess(AbstractProcess):
     def unit_autocovariance(cls, shape: tuple[Any, ...], lag: Float[Array, "*L"]) -> Float[Array, "*L"]:
         """Return the autocovariance at integers >= 0, from the PSD or the wavelet variance."""
         cls._require_stationary("autocovariance")
-        at = by_lags.lattice(cls.resolution)
-        _, D = cls._on_lattice(shape)
-        return cls._variance(shape) - by_lags.interpolate(at, D, lag, by_lags.parity_of(lag))
+        return cls._smooth_covariance(shape, lag, by_lags.parity_of(lag))
 
     @classmethod
     def unit_haar_covariance(
@@ -157,22 +158,25 @@ class OwnProcess(AbstractProcess):
     def simulate(self, num_samples: int, key: PRNGKey) -> Float[Array, " N"]:
         """Draw from the autocovariance by circulant embedding; of a process that is not stationary, its steps from 0.
 
-        Lags beyond the record are faded out over three records, which leaves some eigenvalues of the circulant negative
-        where the process remembers longer than that. They are set to zero.
+        Beyond the record lags go on ever slower, over three records, so that the circulant has no edge: where the
+        autocovariance falls and is convex that is exact (Polya's criterion), however long the process remembers. Else
+        some of its eigenvalues may be negative, and are set to zero.
 
         Raises
         ------
         RuntimeError
-            What is negative is more than 1 % of the variance.
+            What is negative is more than 1 % of the variance about the mean, as of a smooth process that remembers much
+            longer than the record.
         """
         self.require_complete()
         if not self.determines_covariance:
             raise ValueError(f"{self.kind} has no covariance to draw from: define unit_psd, or simulate.")
         lag = jnp.arange(_EMBEDDING * num_samples + 1, dtype=jnp.float64)
-        fade = jnp.cos(jnp.pi / 2 * jnp.maximum(lag / num_samples - 1, 0.0) / (_EMBEDDING - 1)) ** 2
-        covariance = fade * (
-            self.unit_autocovariance(self.shape, lag) if self.stationary else self._covariance_of_steps(self.shape, lag)
-        )
+        rest = (_EMBEDDING - 1) * num_samples
+        beyond = jnp.maximum(lag - num_samples, 0.0) / rest
+        seen = jnp.minimum(lag, num_samples) + rest * (beyond + jnp.sin(jnp.pi * beyond) / jnp.pi) / 2
+        law = self._smooth_covariance if self.stationary else self._covariance_of_steps
+        covariance = law(self.shape, seen, by_lags.parity_of(lag))
         share = negative_share(covariance)
         covariance = eqx.error_if(
             covariance,
@@ -224,12 +228,23 @@ class OwnProcess(AbstractProcess):
         return by_lags.second_sum(at, D), D
 
     @classmethod
-    def _covariance_of_steps(cls, shape: tuple[Any, ...], lag: Float[Array, " L"]) -> Float[Array, " L"]:
+    def _smooth_covariance(
+        cls, shape: tuple[Any, ...], lag: Float[Array, " L"], sign: Float[Array, " L"]
+    ) -> Float[Array, " L"]:
+        """At real lags on the line of one parity."""
+        return cls._variance(shape) - by_lags.interpolate(
+            by_lags.lattice(cls.resolution), cls._on_lattice(shape)[1], lag, sign
+        )
+
+    @classmethod
+    def _covariance_of_steps(
+        cls, shape: tuple[Any, ...], lag: Float[Array, " L"], sign: Float[Array, " L"]
+    ) -> Float[Array, " L"]:
         """Of x_t - x_{t-1}, whose PSD is 4 sin(pi f)^2 times that of x."""
         p, at = by_spectrum.panels(cls.resolution), by_lags.lattice(cls.resolution)
         spectrum = 4 * np.sin(np.pi * p.frequency) ** 2 * cls._spectrum(shape)
         D = by_spectrum.structure(cls.resolution, spectrum)
-        return by_spectrum.variance(p, spectrum) - by_lags.interpolate(at, D, lag, by_lags.parity_of(lag))
+        return by_spectrum.variance(p, spectrum) - by_lags.interpolate(at, D, lag, sign)
 
     @classmethod
     def _variance_of_sums(cls, shape: tuple[Any, ...], m: Float[Array, " L"]) -> Float[Array, " L"]:
@@ -274,7 +289,8 @@ class OwnProcess(AbstractProcess):
         """Evenly between the bounds; of several coordinates points that fill the box evenly (Roberts 2018)."""
         d = len(cls._shape_parameters())
         if d == 1:
-            return tuple(float(u) for u in np.linspace(*cls.coordinate_bounds(tau_max), num))
+            low, high = cls.coordinate_bounds(tau_max)
+            return tuple(float(u) for u in np.linspace(low, high, num))
         low, high = np.array(cls.coordinate_bounds(tau_max)).T
         ratio = 2.0
         for _ in range(50):  # the root of x^(d+1) = x + 1

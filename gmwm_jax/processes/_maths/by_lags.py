@@ -35,6 +35,8 @@ _GRADED = 4
 _FAR = 4
 _NEAR = 128
 """Lags at which small filters see what alternates from sample to sample and dies out."""
+_AT_ONCE = 2**18
+"""Lags that are interpolated together."""
 _STEP = 0.12
 """Width in octaves of the steps by which the lags of a spectrum are cut into bands."""
 _REACH = 0.75
@@ -151,6 +153,11 @@ def lattice(resolution: int = 1) -> Lattice:
 
 def interpolate(at: Lattice, values: Float[Array, " L"], lag: Points, sign: Points) -> Points:
     """A function of the lag from its values on the lattice, at lags >= 0 on the line of one parity, sign = (-1)^lag."""
+    if lag.size > _AT_ONCE:  # ten numbers for each lag are more than a long record
+        rows = -(-lag.size // _AT_ONCE)
+        padding = (0, rows * _AT_ONCE - lag.size)
+        blocks = tuple(jnp.pad(x.ravel(), padding).reshape(rows, _AT_ONCE) for x in (lag, sign))
+        return lax.map(lambda block: interpolate(at, values, *block), blocks).ravel()[: lag.size].reshape(lag.shape)
     parity = jnp.where(sign < 0, 1, 0)
     step = jnp.clip(jnp.floor((lag - parity) / 2) - _NODES // 2 + 1, 0, at.first // 2 - _NODES)
     panel = jnp.searchsorted(jnp.asarray(at.starts), lag, side="right") - 1

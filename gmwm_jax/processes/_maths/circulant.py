@@ -35,9 +35,13 @@ def draw_stationary(autocovariance: Float[Array, " N1"], key: PRNGKey) -> Float[
 
 
 def negative_share(autocovariance: Float[Array, " N1"]) -> Float[Array, ""]:
-    """What the negative eigenvalues of the circulant are of the positive ones: what `draw_stationary` leaves out."""
+    """What the negative eigenvalues of the circulant are of the positive ones: what `draw_stationary` leaves out.
+
+    The first is that of the mean, which hides all others of a process that hardly moves.
+    """
     eigenvalues = _eigenvalues(autocovariance)
-    return -jnp.sum(jnp.minimum(eigenvalues, 0.0)) / jnp.sum(jnp.maximum(eigenvalues, 0.0))
+    negative = jnp.sum(jnp.minimum(eigenvalues, 0.0))
+    return -negative / jnp.sum(jnp.maximum(eigenvalues[1:], 0.0))
 
 
 def _eigenvalues(autocovariance: Float[Array, " N1"]) -> Float[Array, " N1"]:

@@ -106,6 +106,7 @@ def test_it_can_be_differentiated_and_mapped(law):
     [
         (gj.GM(0.05, 1.3), "unit_psd", True),
         (gj.GM(0.05, 1.3), "unit_wavelet_variance", True),
+        (gj.GM(1e-5, 1.3), "unit_psd", True),  # remembers much longer than the record
         (gj.FGN(0.8, 1.0), "unit_autocovariance", True),
         (gj.RW(2.0), "unit_psd", False),
     ],
@@ -124,9 +125,11 @@ def test_draws_have_its_wavelet_variance(process, law, stationary):
 
 
 def test_what_cannot_be_drawn_says_so():
-    own = alone(gj.RW, "unit_psd")(1.0)  # says that it is stationary
-    with pytest.raises(Exception, match="stationary = False"):
-        jax.block_until_ready(gj.simulate(own, 64, key=jax.random.key(0)))
+    says_that_it_is_stationary = alone(gj.RW, "unit_psd")(1.0)
+    smooth_and_slow = alone(gj.MAT32, "unit_psd")(1e-4, 1.0)
+    for own in (says_that_it_is_stationary, smooth_and_slow):
+        with pytest.raises(RuntimeError, match="stationary = False"):
+            jax.block_until_ready(gj.simulate(own, 512, key=jax.random.key(0)))
 
 
 @pytest.fixture(scope="module")
