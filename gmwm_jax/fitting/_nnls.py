@@ -25,12 +25,17 @@ _MAX_EXCHANGES = 60
 def solve_passive(G: Float[Array, "P P"], b: Float[Array, " P"], passive: Bool[Array, " P"]) -> Float[Array, " P"]:
     """Solve G x = b on the passive set, with x = 0 elsewhere. G has a unit diagonal."""
     f = passive.astype(G.dtype)
-    M = G * f[:, None] * f[None, :] + jnp.diag(1 - f + _RIDGE)
-    return cho_solve(cho_factor(M), b * f) * f
+    return cho_solve(cho_factor(passive_system(G, passive)), b * f) * f
+
+
+def passive_system(G: Float[Array, "P P"], passive: Bool[Array, " P"]) -> Float[Array, "P P"]:
+    """G on the passive set, the identity elsewhere; positive definite."""
+    f = passive.astype(G.dtype)
+    return G * f[:, None] * f[None, :] + jnp.diag(1 - f + _RIDGE)
 
 
 def solve_nonnegative(
-    G: Float[Array, "P P"], b: Float[Array, " P"], size: Float[Array, ""]
+    G: Float[Array, "P P"], b: Float[Array, " P"], size: Float[Array, ""], guess: Bool[Array, " P"]
 ) -> tuple[Float[Array, " P"], Bool[Array, " P"]]:
     """Minimise x'G x/2 - b'x over x >= 0.
 
@@ -40,6 +45,8 @@ def solve_nonnegative(
         B'B and B'y for columns of unit length.
     size
         |y|, the scale against which a gradient counts as zero.
+    guess
+        The columns that are tried first.
 
     Returns
     -------
@@ -53,7 +60,7 @@ def solve_nonnegative(
 
     def unfinished(state: tuple) -> Array:
         _, _, wrong, _, _, count = state
-        return jnp.any(wrong) & (count < _MAX_EXCHANGES)
+        return (jnp.any(wrong) | (count == 0)) & (count < _MAX_EXCHANGES)
 
     def exchange(state: tuple) -> tuple:
         passive, _, wrong, fewest, patience, count = state
@@ -65,8 +72,8 @@ def solve_nonnegative(
         patience = jnp.where(num_wrong < fewest, _FULL_EXCHANGES, patience - 1)
         return passive, x, wrong, jnp.minimum(fewest, num_wrong), patience, count + 1
 
-    # the first exchange makes every column passive
+    # the first exchange makes the columns of the guess passive
     none = jnp.zeros(num, dtype=bool)
-    start = (none, jnp.zeros(num), ~none, jnp.asarray(num + 1), jnp.asarray(_FULL_EXCHANGES), jnp.asarray(0))
+    start = (none, jnp.zeros(num), guess, jnp.asarray(num + 1), jnp.asarray(_FULL_EXCHANGES), jnp.asarray(0))
     passive, x, *_ = lax.while_loop(unfinished, exchange, start)
     return jnp.maximum(x, 0.0), passive
