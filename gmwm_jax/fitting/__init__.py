@@ -53,6 +53,8 @@ from gmwm_jax._internal.saved import load as load
 from gmwm_jax.fitting import weights as weights
 from gmwm_jax.fitting.bias import WhiteAndBias as WhiteAndBias
 from gmwm_jax.fitting.bias import white_and_bias as white_and_bias
+from gmwm_jax.fitting.estimation import Estimates as Estimates
+from gmwm_jax.fitting.estimation import estimate as estimate
 from gmwm_jax.fitting.estimator import fit as fit
 from gmwm_jax.fitting.estimator import objective as objective
 from gmwm_jax.fitting.outcome import Outcome as Outcome

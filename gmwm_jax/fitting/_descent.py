@@ -12,14 +12,14 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
-from gmwm_jax.fitting._reduced import Data, Layout, Reduced, reduced
+from gmwm_jax.fitting.reduced import Data, Layout, Reduced, reduced
 
 _FIRST_RADIUS, _LARGEST_RADIUS = 1.0, 4.0
 _SMALLEST_STEP = 1e-7
-"""The error after it is its square, or 1e-6 of it (see `_reduced`): below rounding."""
+"""The error after it is its square, or 1e-6 of it (see `reduced`): below rounding."""
 _SMALLEST_RADIUS = 1e-9
 """Where steps this short are refused, rounding decides."""
-_NO_GAIN = 1e-17
+_NO_GAIN = 1e-24
 """Of the objective, that is expected of a step."""
 _FLAT = 1e-12
 """Of the largest eigenvalue: the smallest that a step is divided by."""

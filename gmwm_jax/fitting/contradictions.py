@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from gmwm_jax.fitting.weights import root_of
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.variance.wavelet import WaveletVariance
 
@@ -82,7 +83,7 @@ def _with(process: AbstractProcess, name: str, value: float) -> AbstractProcess 
 
 def _objective(wv: WaveletVariance, omega: Weights, curves: Sequence[np.ndarray], held: Sequence[bool]) -> float:
     """The objective of a model of these components, minimal over the amplitudes that are not held."""
-    whitener = np.linalg.cholesky(omega).T
+    whitener = root_of(omega)
     fixed = [c for c, h in zip(curves, held, strict=True) if h]
     target = whitener @ (wv.variance.ravel() - np.sum([np.zeros(wv.num_scales), *fixed], axis=0))
     free = [whitener @ c for c, h in zip(curves, held, strict=True) if not h and np.any(c)]

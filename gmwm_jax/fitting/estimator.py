@@ -11,12 +11,13 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, concrete, confidence, require_x64, typed_key
-from gmwm_jax._internal.host import QUICKLY
+from gmwm_jax._internal.host import QUICKLY, known
 from gmwm_jax._internal.typing import PRNGKey
-from gmwm_jax.fitting.problem import Problem
+from gmwm_jax.fitting.problem import Problem, require_fittable
+from gmwm_jax.fitting.reduced import Data, Layout
 from gmwm_jax.fitting.result import Fit, Status
-from gmwm_jax.fitting.search import SIZE, Data, Layout, Solution, minimise, smallest_slope
-from gmwm_jax.fitting.weights import AbstractWeights, WeightsLike, as_weights
+from gmwm_jax.fitting.search import SIZE, Solution, minimise, smallest_slope
+from gmwm_jax.fitting.weights import AbstractWeights, WeightsLike, as_weights, root_of
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
@@ -135,6 +136,11 @@ def fit(
     level = confidence(level)
     model = as_model(model)
     wv = as_wavelet_variance(data, "fit")
+    if concrete(wv.variance) is None:
+        raise TypeError(
+            "fit() makes tables and messages of numbers, and these are traced: inside of jit, vmap and grad take "
+            "gmwm_jax.fitting.estimate, the same estimator as a pure function."
+        )
     rate = agreed_rate(wv.rate, rate)
     weights = as_weights(weights)
     if weights.needs_theory:
@@ -214,8 +220,9 @@ def fit_channels(
     ValueError
         Fewer scales than free parameters, a drift and a robust wavelet variance, numbers beyond floating point.
     """
-    _require_fittable(model, channels[0])
-    whiteners = np.stack([np.linalg.cholesky(o).T for o in omegas])
+    for omega in omegas:
+        require_fittable(model, channels[0], omega)
+    whiteners = np.stack([root_of(o) for o in omegas])
     whitened = np.einsum("cij,cj->ci", whiteners, np.stack([c.variance for c in channels]))
     if not np.all(np.isfinite(whitened)):
         raise ValueError(f"Weights times wavelet variance are {_BEYOND}")
@@ -248,16 +255,6 @@ def fit_channels(
         )
         for c, channel in enumerate(channels)
     ]
-
-
-def _require_fittable(model: Composite, wv: WaveletVariance) -> None:
-    """Raise a ValueError if there are fewer scales than free parameters, or a drift in a robust wavelet variance."""
-    wv.estimator.require_fittable(model)
-    if model.num_free > wv.num_scales:
-        raise ValueError(
-            f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales: "
-            "take a longer record, a smaller model, or hold parameters."
-        )
 
 
 def as_fit(
@@ -294,7 +291,7 @@ def objective(
 ) -> float | Float[Array, ""]:
     """Compute Q = (nu_hat - nu)' Omega (nu_hat - nu) of a model with all parameters given, for one channel.
 
-    Pure in the parameters of the model: jit, grad and vmap it.
+    Pure in the parameters of the model, the wavelet variance and the weights: jit, grad and vmap it.
 
     Parameters
     ----------
@@ -326,11 +323,11 @@ def objective(
 
 
 def _objective(wv: WaveletVariance, model: Composite, weights: AbstractWeights) -> float | Array:
-    omega, fitted = weights.omega(wv), model.wavelet_variance(wv.scales)
-    seen = concrete(fitted)
-    residual = wv.variance - (fitted if seen is None else seen)
+    omega, (fitted,) = weights.omega(wv), known(model.wavelet_variance(wv.scales))
+    residual = wv.variance - fitted
     value: Any = residual @ omega @ residual
-    return value if seen is None else float(value)
+    seen = concrete(value)
+    return value if seen is None else float(seen)
 
 
 _NUM_SCALES = 24

@@ -10,13 +10,16 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.host import known
+from gmwm_jax._internal.checks import concrete
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting._start import lattice
 from gmwm_jax.fitting.outcome import Outcome
-from gmwm_jax.fitting.search import NUM_DESCENTS, NUM_ROUNDS, Layout, Solution
+from gmwm_jax.fitting.reduced import Layout
+from gmwm_jax.fitting.search import NUM_DESCENTS, NUM_ROUNDS, Solution
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Fixed
+from gmwm_jax.variance.wavelet import WaveletVariance
 
 _MOVED = np.log(4.0)
 """How far starts lie from an estimate: where the objective differs by noise alone, so does its minimum."""
@@ -57,14 +60,14 @@ class Problem(NamedTuple):
             free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
         )
         searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
-        held = [0.0 if free else float(p.amplitude) for p, free in zip(processes, layout.free_amplitude, strict=True)]
+        held = [0.0 if free else p.amplitude for p, free in zip(processes, layout.free_amplitude, strict=True)]
         return cls(
             processes,
             tuple(order),
             layout,
             np.concatenate([np.zeros((0, 2)), *(np.reshape(p.coordinate_bounds(tau_max), (-1, 2)) for p in searched)]),
             tuple(p.shape for p in given),
-            np.array(held),
+            namespace(*known(*held)).stack(known(*held)),
             tau_max,
         )
 
@@ -84,16 +87,14 @@ class Problem(NamedTuple):
         """The lattice, and once more with the starting values that the model gives."""
         searched = self.searched
         placements, nodes = lattice(tuple(type(p) for p in searched), self.tau_max, key)
-        given = {
-            k: np.asarray(p.coordinate_from_shape(known(*p.shape)))
-            for k, p in enumerate(searched)
-            if None not in p.shape
-        }
+        given = {k: p.coordinate_from_shape(known(*p.shape)) for k, p in enumerate(searched) if None not in p.shape}
         if given:
-            moved = placements.copy()
+            xp, at = namespace(*given.values()), [placements[:, c] for c in range(placements.shape[1])]
             for k, coordinates in given.items():
-                moved[:, self.layout.position(k)] = coordinates
-            placements, nodes = np.concatenate([moved, placements]), np.concatenate([nodes, nodes])
+                for c, value in zip(np.r_[self.layout.position(k)], xp.atleast_1d(coordinates), strict=True):
+                    at[c] = xp.broadcast_to(value, at[c].shape)
+            moved = xp.stack(at, axis=1)
+            placements, nodes = xp.concatenate([moved, placements]), np.concatenate([nodes, nodes])
         return placements, nodes
 
     def starts_near(self) -> Float[np.ndarray, "S C"]:
@@ -172,6 +173,27 @@ class Problem(NamedTuple):
             for position, member in zip(sorted(self.order[i] for i in members), ranked, strict=True):
                 placed[position] = member
         return placed
+
+
+def require_fittable(model: Composite, wv: WaveletVariance, omega: Any = None) -> None:
+    """Raise a ValueError if there are fewer scales than free parameters, or a drift in a robust wavelet variance.
+
+    Parameters
+    ----------
+    model, wv
+        What is fitted to what.
+    omega
+        Its weights, shape (J, J): scales whose weights are zero do not count.
+    """
+    wv.estimator.require_fittable(model)
+    seen = None if omega is None else concrete(omega)
+    left_out = 0 if seen is None else int(np.sum(np.diagonal(seen) == 0))
+    if model.num_free > wv.num_scales - left_out:
+        without = f", {left_out} of which have no weight" if left_out else ""
+        raise ValueError(
+            f"{model} has {model.num_free} free parameters and the wavelet variance {wv.num_scales} scales{without}: "
+            "take a longer record, a smaller model, or hold parameters."
+        )
 
 
 def _has_free_shape(p: AbstractProcess) -> bool:

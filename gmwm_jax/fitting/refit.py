@@ -16,8 +16,9 @@ from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.chunks import chunks
 from gmwm_jax.fitting.problem import Problem
+from gmwm_jax.fitting.reduced import Data, Layout
 from gmwm_jax.fitting.result import Fit
-from gmwm_jax.fitting.search import SIZE, Data, Layout, Solution, minimise_near, smallest_slope
+from gmwm_jax.fitting.search import SIZE, Solution, minimise_near, smallest_slope
 from gmwm_jax.processes.base import Composite
 
 CHUNK = 64
@@ -51,7 +52,7 @@ def refit(fit: Fit, variances: Float[np.ndarray, "B J"]) -> Refits:
     width = (fit.wv.ci_high - fit.wv.ci_low) / fit.wv.variance
     again = partial(refit_whitened, fit.model, fit.wv.scales)
     if not fit.weights.of_replicates:
-        root = np.linalg.cholesky(fit.omega).T
+        root = fit.whitener
         whitener = np.broadcast_to(root, (len(variances), *root.shape))
         return again(_whitened(whitener, variances), whitener)
     fitted = variances

@@ -16,6 +16,7 @@ from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.chi_square import ChiSquare, chi_square, misses
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
+from gmwm_jax._internal.pytrees import pytree
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -34,7 +35,7 @@ from gmwm_jax.fitting.standard_errors import (
     with_errors_and_components,
 )
 from gmwm_jax.fitting.tables import EstimateTable, LogQuantities, continuous_table, parameter_table
-from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep
+from gmwm_jax.fitting.weights import AbstractWeights, Covariance, TwoStep, root_of
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.processes.random_walk import RW
@@ -62,6 +63,7 @@ def _check(fit: "Fit") -> None:
         process.require_complete()
 
 
+@pytree("model", "wv", "objective", "omega")
 @saved(not_finite=("objective",), check=_check)
 @dataclass(frozen=True, repr=False)
 class Fit(Drawable, Saved, Labelled):
@@ -119,12 +121,17 @@ class Fit(Drawable, Saved, Labelled):
     @property
     def residuals(self) -> Float[np.ndarray, " J"]:
         """Residuals of the wavelet variance, nu_hat - nu(theta_hat)."""
-        return self.wv.variance - self.fitted
+        return np.asarray(self.wv.variance) - self.fitted
+
+    @cached_property
+    def whitener(self) -> Float[np.ndarray, "J J"]:
+        """L' with Omega = L L'."""
+        return root_of(self.omega)
 
     @cached_property
     def whitened_residuals(self) -> Float[np.ndarray, " J"]:
         """The residuals L' (nu_hat - nu) with Omega = L L'; the objective is the sum of their squares."""
-        return np.linalg.cholesky(self.omega).T @ self.residuals
+        return self.whitener @ self.residuals
 
     def decomposition(self) -> dict[str, Float[np.ndarray, " J"]]:
         """Return the wavelet variance of each component by its label; together they add up to `fitted`."""
@@ -240,8 +247,9 @@ class Fit(Drawable, Saved, Labelled):
         """Covariance of the active parameters on the real line (log; logit for phi); None as `wv_covariance`."""
         if self.wv_covariance is None or not self.active:
             return None
-        whitener = np.linalg.cholesky(self.omega).T
-        return np.asarray(parameter_covariance(self.model, self.active, self.wv.scales, whitener, self.wv_covariance))
+        return np.asarray(
+            parameter_covariance(self.model, self.active, self.wv.scales, self.whitener, self.wv_covariance)
+        )
 
     @property
     def derivatives(self) -> tuple[Float[np.ndarray, "J P"], Float[np.ndarray, "P J"]]:
@@ -251,8 +259,7 @@ class Fit(Drawable, Saved, Labelled):
     @cached_property
     def _linearised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The wavelet variance of the fitted model, A and B, by the program that `covariance` runs."""
-        whitener = np.linalg.cholesky(self.omega).T
-        nu, A, B = linearised(self.model, self.active, self.wv.scales, whitener)
+        nu, A, B = linearised(self.model, self.active, self.wv.scales, self.whitener)
         return np.asarray(nu), np.asarray(A), np.asarray(B)
 
     def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
@@ -272,8 +279,7 @@ class Fit(Drawable, Saved, Labelled):
             return None
         best, used = Covariance().omega(self.wv, self.model, V), self.omega if omega is None else omega
         variances = [
-            np.diag(parameter_covariance(self.model, self.active, self.wv.scales, np.linalg.cholesky(o).T, V))
-            for o in (best, used)
+            np.diag(parameter_covariance(self.model, self.active, self.wv.scales, root_of(o), V)) for o in (best, used)
         ]
         return variances[0] / variances[1]
 

@@ -22,9 +22,7 @@ from jax import Array, lax
 from jaxtyping import Float, Int
 
 from gmwm_jax.fitting._descent import descend
-from gmwm_jax.fitting._reduced import Data as Data
-from gmwm_jax.fitting._reduced import Layout as Layout
-from gmwm_jax.fitting._reduced import design, fold, objective, project
+from gmwm_jax.fitting.reduced import Data, Layout, design, fold, objective, project
 
 NUM_ROUNDS = 2
 NUM_DESCENTS = 8
@@ -66,7 +64,7 @@ def _without_derivatives(search: Callable[..., Solution]) -> Callable[..., Solut
     def refuse(layout: Layout, primals: Any, tangents: Any) -> Any:
         raise NotImplementedError(
             f"The estimate of {' + '.join(kind.kind for kind in layout.kinds)} has no derivatives in its data: "
-            f"`{search.__name__}` is a search. Differentiate `gmwm_jax.fitting.estimate`, which knows how its minimum moves."
+            f"`{search.__name__}` is a search. Differentiate `gmwm_jax.fitting.estimate`, which does."
         )
 
     return guarded

@@ -17,9 +17,10 @@ from gmwm_jax._internal.chunks import chunks
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import as_fit
 from gmwm_jax.fitting.problem import Problem
+from gmwm_jax.fitting.reduced import Data, Layout
 from gmwm_jax.fitting.result import Fit
-from gmwm_jax.fitting.search import SIZE, Data, Layout, Solution, minimise, minimise_near
-from gmwm_jax.fitting.weights import Given
+from gmwm_jax.fitting.search import SIZE, Solution, minimise, minimise_near
+from gmwm_jax.fitting.weights import Given, root_of
 from gmwm_jax.processes.base import Composite
 
 _CHUNK = 16
@@ -53,7 +54,7 @@ class Sweep(NamedTuple):
         """
         problem, fits = self.problem, self.fits
         tau, omega = fits[0].wv.scales, fits[0].omega
-        whitener = np.linalg.cholesky(omega).T
+        whitener = root_of(omega)
         y = variances @ whitener.T
         unit = float(np.max(np.abs(y))) / SIZE
         data = whitener / unit, tau, problem.bounds, problem.shapes, problem.held
@@ -104,7 +105,7 @@ def sweep(whole: Fit, superset: Composite, subsets: Sequence[tuple[int, ...]], *
         free[at_columns] = True
     nodes = np.where(moving[:, None], nodes[rows % len(nodes)], problem.bounds[:, 0])
 
-    whitener = np.linalg.cholesky(omega).T
+    whitener = root_of(omega)
     y = whitener @ wv.variance
     unit = float(np.max(np.abs(y))) / SIZE
     data = y / unit, whitener / unit, wv.scales, problem.bounds, problem.shapes, problem.held

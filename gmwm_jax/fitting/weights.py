@@ -17,10 +17,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jaxtyping import Float, Float64
 from numpy.typing import ArrayLike
 
+from gmwm_jax._internal.checks import as_float, concrete
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.states import register, saved
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.variance.wavelet import WaveletVariance
@@ -60,8 +64,8 @@ class AbstractWeights(ABC):
 
     @abstractmethod
     def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Float[np.ndarray, "J J"] | None = None
-    ) -> Float[np.ndarray, "J J"]:
+        self, wv: WaveletVariance, model: Composite | None = None, V: Float[Array | np.ndarray, "J J"] | None = None
+    ) -> Float[Array | np.ndarray, "J J"]:
         """Omega for a wavelet variance of one channel.
 
         Parameters
@@ -90,15 +94,19 @@ class Default(AbstractWeights):
 
     name: ClassVar[str] = "default"
 
-    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+    def omega(
+        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
+    ) -> Float[Array | np.ndarray, "J J"]:
         """Omega, see `AbstractWeights.omega`; ValueError if it is beyond floating point."""
+        xp = namespace(wv.ci_low, wv.ci_high)
         with np.errstate(divide="ignore", over="ignore"):
             weights = 1 / (wv.ci_high - wv.ci_low) ** 2
-        if not np.all(np.isfinite(weights) & (weights > 0)):
+        seen = concrete(weights)
+        if seen is not None and not np.all(np.isfinite(seen) & (seen > 0)):
             raise ValueError(
                 f"The intervals are {wv.ci_high[0] - wv.ci_low[0]:g} wide, and the squares of widths are {_BEYOND}"
             )
-        return np.diag(weights)
+        return xp.diag(weights)
 
     @property
     def of_replicates(self) -> tuple[Width, ...]:
@@ -114,12 +122,16 @@ class TwoStep(AbstractWeights):
     name: ClassVar[str] = "two-step"
     first: AbstractWeights = Default()
 
-    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+    def omega(
+        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
+    ) -> Float[Array | np.ndarray, "J J"]:
         """Omega, see `AbstractWeights.omega`; ValueError if the model has no variance at some scale."""
-        fitted = np.asarray(_known(model, self).wavelet_variance(wv.scales))
-        if np.any(fitted <= 0):
+        (fitted,) = known(_known(model, self).wavelet_variance(wv.scales))
+        seen = concrete(fitted)
+        if seen is not None and np.any(seen <= 0):
             raise ValueError(f"{self.name} weights need a model with a variance, and {model} has none at some scale.")
-        return np.diag((wv.variance / (fitted * (wv.ci_high - wv.ci_low))) ** 2)
+        weights = (wv.variance / (fitted * (wv.ci_high - wv.ci_low))) ** 2
+        return namespace(weights).diag(weights)
 
     @property
     def of_replicates(self) -> tuple[Width, ...]:
@@ -137,7 +149,9 @@ class Covariance(AbstractWeights):
     inverts_covariance: ClassVar[bool] = True
     first: AbstractWeights = TwoStep()
 
-    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+    def omega(
+        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
+    ) -> Float[Array | np.ndarray, "J J"]:
         """Omega, see `AbstractWeights.omega`.
 
         Raises
@@ -149,17 +163,17 @@ class Covariance(AbstractWeights):
         model = _known(model, self)
         if V is None:
             raise ValueError(f"There is no theory of the scatter of {model}: take other weights.")
-        sd = np.sqrt(np.diag(V))
+        xp = namespace(V)
+        sd = xp.sqrt(xp.diag(V))
         with np.errstate(divide="ignore", invalid="ignore"):
-            correlation = V / np.outer(sd, sd)
-        lowest = np.linalg.eigvalsh(correlation)[0] if np.all(np.isfinite(correlation)) else 0.0
-        if lowest < _SINGULAR:
+            correlation = V / xp.outer(sd, sd)
+        if (seen := concrete(correlation)) is not None and (lowest := _lowest(seen)) < _SINGULAR:
             raise ValueError(
                 f"The covariance of the wavelet variance under {model} is singular (smallest eigenvalue of the "
                 f"correlation {lowest:.1e}): its inverse cannot be weights. Take "
                 f'weights="{TwoStep.name}" or fewer scales.'
             )
-        omega = np.linalg.inv(correlation) / np.outer(sd, sd)
+        omega = xp.linalg.inv(correlation) / xp.outer(sd, sd)
         return (omega + omega.T) / 2
 
 
@@ -174,7 +188,9 @@ class Iterated(AbstractWeights):
     num_rounds: ClassVar[int] = 20
     first: AbstractWeights = Covariance()
 
-    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+    def omega(
+        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
+    ) -> Float[Array | np.ndarray, "J J"]:
         """Omega, see `Covariance.omega`."""
         return Covariance().omega(wv, model, V)
 
@@ -187,21 +203,33 @@ class Given(AbstractWeights):
     of_any_length: ClassVar[bool] = False
     values: ArrayLike
 
-    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[np.ndarray, "J J"]:
+    def omega(
+        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
+    ) -> Float[Array | np.ndarray, "J J"]:
         """Omega, see `AbstractWeights.omega`; ValueError if the values are no positive definite matrix of its size."""
         J = wv.num_scales
-        omega = np.asarray(self.values, dtype=np.float64)
+        traced = concrete(self.values) is None
+        omega: Any = as_float(self.values) if traced else np.asarray(self.values, dtype=np.float64)
         if omega.shape == (J,):
-            omega = np.diag(omega)
+            omega = jnp.diag(omega) if traced else np.diag(omega)
         if omega.shape != (J, J):
             raise ValueError(
                 f"weights must have the shape ({J},) or ({J}, {J}), one entry a scale; they have {omega.shape}."
             )
+        if traced:
+            return omega
         if not np.all(np.isfinite(omega)) or not np.allclose(omega, omega.T, rtol=1e-10, atol=0):
             raise ValueError("weights must be finite and symmetric.")
-        scale = np.sqrt(np.abs(np.diag(omega)))
-        if np.any(scale == 0) or np.linalg.eigvalsh(omega / np.outer(scale, scale))[0] <= 0:
-            raise ValueError("weights must be positive definite: every eigenvalue above zero.")
+        kept = np.any(omega != 0, axis=1)  # a scale of weight zero is left out
+        if not np.any(kept):
+            raise ValueError("weights are zero at all scales.")
+        some = omega[np.ix_(kept, kept)]
+        scale = np.sqrt(np.abs(np.diag(some)))
+        if np.any(scale == 0) or np.linalg.eigvalsh(some / np.outer(scale, scale))[0] <= 0:
+            raise ValueError(
+                "weights must be positive definite, but for the rows and columns of scales that are left out, which "
+                "are zero."
+            )
         return omega
 
 
@@ -236,6 +264,18 @@ def as_weights(weights: WeightsLike) -> AbstractWeights:
         names = ", ".join(f'"{name}"' for name in NAMED)
         raise ValueError(f"weights are {names} or an array, and not {weights!r}.")
     return NAMED[weights]
+
+
+def root_of(omega: Any) -> Any:
+    """L' with Omega = L L'; rows and columns of zeros, of scales that are left out, stay zeros. Pure."""
+    xp = namespace(omega)
+    kept = (xp.diagonal(omega) != 0).astype(omega.dtype)
+    return xp.linalg.cholesky(omega + xp.diag(1 - kept)).T * kept[None, :] * kept[:, None]
+
+
+def _lowest(correlation: Float[np.ndarray, "J J"]) -> float:
+    """The smallest eigenvalue; zero where it is not finite."""
+    return float(np.linalg.eigvalsh(correlation)[0]) if np.all(np.isfinite(correlation)) else 0.0
 
 
 def _known(model: Composite | None, weights: AbstractWeights) -> Composite:

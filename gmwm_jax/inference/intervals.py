@@ -175,7 +175,7 @@ def _errors(
     fit: Fit, quantity: Callable[[Composite], Array], draws: Float[np.ndarray, "G P"]
 ) -> tuple[Float[np.ndarray, " Q"], Float[np.ndarray, "G Q"]]:
     """Standard errors by theory: at the estimate, and at each replicate."""
-    whitener, V = (jnp.asarray(a) for a in (np.linalg.cholesky(fit.omega).T, fit.wv_covariance))
+    whitener, V = (jnp.asarray(a) for a in (fit.whitener, fit.wv_covariance))
     estimate = delta_method(quantity, fit.model, fit.active, jnp.asarray(fit.covariance))
     tau, fitted = jnp.asarray(fit.wv.scales), jnp.asarray(fit.fitted)
     own = _replicated_errors(quantity, fit.active, fit.model, whitener, V, tau, fitted, jnp.asarray(draws))

@@ -388,7 +388,7 @@ def _select(
         raise ValueError(f"There is no theory of the scatter of {superset}: leave SIN out, or take it off the record.")
     swept = sweep(whole, superset, subsets)
     fits = swept.fits
-    L = np.linalg.cholesky(whole.omega).T  # L' of the formulas
+    L = whole.whitener  # L' of the formulas
     S = L @ V @ L.T
     projections = [projection(L @ tangents(f)) for f in fits]
     residuals = [f.whitened_residuals for f in fits]
@@ -453,7 +453,7 @@ def _optimism_of_replicates(
         fitted = swept.again(nu, bar.update)
     finally:
         bar.close()
-    L = np.linalg.cholesky(whole.omega).T
+    L = whole.whitener
     z, moved = (nu - nu.mean(axis=0)) @ L.T, (fitted - fitted.mean(axis=1, keepdims=True)) @ L.T
     return 2 * np.sum(z * moved, axis=(1, 2)) / (num - 1)
 

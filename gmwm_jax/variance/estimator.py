@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import as_float, finite_record
+from gmwm_jax._internal.host import known
 from gmwm_jax._internal.states import saved
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.variance._skewness import wv_skewness
@@ -146,7 +147,7 @@ class Modwt(AbstractEstimator):
 
     def covariance(self, model: Composite, num_samples: int | None, num_levels: int, present: Any) -> Any:
         """Covariance, exact; see `AbstractEstimator.covariance`."""
-        return None if num_samples is None else np.asarray(wv_covariance(model, num_samples, num_levels))
+        return None if num_samples is None else known(wv_covariance(model, num_samples, num_levels))[0]
 
     def skewness(self, model: Composite, num_samples: int, V: Float[np.ndarray, "J J"]) -> Float[np.ndarray, " J"]:
         """Skewness of the wavelet variances, given their covariance."""
@@ -233,7 +234,7 @@ class Robust(AbstractEstimator):
         """Covariance to first order; see `AbstractEstimator.covariance`."""
         if num_samples is None:
             return None
-        return np.asarray(wv_covariance(model, num_samples, num_levels, efficiency=self.efficiency))
+        return known(wv_covariance(model, num_samples, num_levels, efficiency=self.efficiency))[0]
 
 
 @saved()

@@ -144,7 +144,7 @@ def compare_robust(
         raise ValueError(f"Outliers belong to one channel: choose it, for the record has the shape {x.shape}.")
     classic = wavelet_variance(record, **options)[0]
     robust = wavelet_variance(record, efficiency=efficiency, **options)[0]
-    weightless, coefficients = _weightless(x.ravel(), robust.variance, biweight(efficiency).c)
+    weightless, coefficients = _weightless(x.ravel(), np.asarray(robust.variance), biweight(efficiency).c)
     eta = degrees_of_freedom(x.shape[0], robust.num_scales)
     error = np.sqrt(2 * (widening(efficiency, robust.num_scales) - 1) / eta)
     z = np.log(classic.variance / robust.variance) / error

@@ -4,9 +4,10 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
+from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import (
@@ -21,6 +22,7 @@ from gmwm_jax._internal.checks import (
 )
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_CHANNEL, Arrays, Labelled, Values
+from gmwm_jax._internal.pytrees import pytree
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
@@ -33,6 +35,8 @@ from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator
 from gmwm_jax.variance.haar import interval_factors, scales
 
 _INTERVALS = ("ci_low", "ci_high")
+_ARRAYS = ("variance", *_INTERVALS, "present")
+"""What transformations see of a wavelet variance; its scales are static."""
 
 
 def _check(wv: "AbstractWaveletVariance") -> None:
@@ -67,9 +71,9 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
     """
 
     scales: Float[np.ndarray, " J"]
-    variance: Float[np.ndarray, "J *C"]
-    ci_low: Float[np.ndarray, "J *C"]
-    ci_high: Float[np.ndarray, "J *C"]
+    variance: Float[Array | np.ndarray, "J *C"]
+    ci_low: Float[Array | np.ndarray, "J *C"]
+    ci_high: Float[Array | np.ndarray, "J *C"]
     num_samples: int | None = None
     level: float = 0.95
     rate: float | None = None
@@ -203,6 +207,7 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}"
 
 
+@pytree(*_ARRAYS)
 @saved(not_finite=_INTERVALS, check=_check)
 @dataclass(frozen=True, repr=False)
 class WaveletVariance(AbstractWaveletVariance):
@@ -212,6 +217,7 @@ class WaveletVariance(AbstractWaveletVariance):
         if np.ndim(self.variance) > 1:
             raise ValueError(f"Arrays {np.shape(self.variance)} of several channels make a WaveletVariances.")
 
+    @overload
     @classmethod
     def from_table(
         cls,
@@ -225,38 +231,96 @@ class WaveletVariance(AbstractWaveletVariance):
         rate: float | None = None,
         unit: str = "1",
         name: str = "",
-    ) -> "WaveletVariance":
-        """Build a wavelet variance from published values of one channel.
+    ) -> "WaveletVariance": ...
+    @overload
+    @classmethod
+    def from_table(
+        cls,
+        scales: Any,
+        variance: Any,
+        ci_low: Any,
+        ci_high: Any,
+        *,
+        num_samples: int | None = None,
+        level: float = 0.95,
+        rate: float | None = None,
+        unit: str | Sequence[str] = "1",
+        name: str = "",
+        channels: Sequence[str],
+    ) -> "WaveletVariances": ...
+    @classmethod
+    def from_table(
+        cls,
+        scales: Any,
+        variance: Any,
+        ci_low: Any,
+        ci_high: Any,
+        *,
+        num_samples: int | None = None,
+        level: float = 0.95,
+        rate: float | None = None,
+        unit: str | Sequence[str] = "1",
+        name: str = "",
+        channels: Sequence[str] | None = None,
+    ) -> "WaveletVariance | WaveletVariances":
+        """Build a wavelet variance from published values.
 
         Parameters
         ----------
         scales
             Spans tau = 2, 4, 8 ... in *samples* (multiply by the rate if the table has seconds).
         variance, ci_low, ci_high
-            Haar MODWT wavelet variance, half the Allan variance at tau/2, and the ends of its interval.
+            Haar MODWT wavelet variance, half the Allan variance at tau/2, and the ends of its interval: shape (J,), or
+            (J, C) with the names of C channels.
         num_samples
             Length of the record, needed for standard errors; at least the longest span.
         level
             Confidence of the interval.
         rate, unit
-            Sampling rate in Hz and SI unit of the signal (``rad/s``, ``m/s^2`` or ``1``).
+            Sampling rate in Hz and SI unit of the signal (``rad/s``, ``m/s^2`` or ``1``), one a channel if they differ.
+        name
+            Of the table.
+        channels
+            Names of the columns.
+
+        Returns
+        -------
+        WaveletVariance, or WaveletVariances where channels are named.
 
         Raises
         ------
         ValueError
-            Different lengths, spans that are not even numbers of samples in increasing order, variances that are
+            Different shapes, spans that are not even numbers of samples in increasing order, variances that are
             negative, zero or not finite, an interval that does not hold its variance, a record shorter than a span, a
-            level outside 0 to 1, another unit.
+            level outside 0 to 1, another unit, other numbers of names and units than columns.
+
+        Examples
+        --------
+        >>> both = gj.variance.WaveletVariance.from_table(
+        ...     [2, 4],
+        ...     variance=[[1.0, 3.0], [0.5, 1.5]],
+        ...     ci_low=[[0.9, 2.7], [0.4, 1.2]],
+        ...     ci_high=[[1.1, 3.3], [0.6, 1.8]],
+        ...     channels=["x", "y"],
+        ... )
+        >>> both["y"].variance.tolist()
+        [3.0, 1.5]
         """
-        columns = {"scales": scales, "variance": variance, "ci_low": ci_low, "ci_high": ci_high}
+        columns = {"variance": variance, "ci_low": ci_low, "ci_high": ci_high}
+        tau = np.asarray(scales, dtype=np.float64)
         arrays = {k: np.asarray(v, dtype=np.float64) for k, v in columns.items()}
-        shapes = {k: a.shape for k, a in arrays.items()}
-        if len(set(shapes.values())) > 1 or arrays["scales"].ndim != 1 or not arrays["scales"].size:
-            raise ValueError(f"scales, variance, ci_low and ci_high must be equally long lists; they are {shapes}.")
-        for k, a in arrays.items():
+        shapes = {"scales": tau.shape} | {k: a.shape for k, a in arrays.items()}
+        expected = tau.shape if channels is None else (*tau.shape, len(channels))
+        if tau.ndim != 1 or not tau.size or any(a.shape != expected for a in arrays.values()):
+            several = "" if channels is None else f", with a column for each of {', '.join(channels)}"
+            raise ValueError(
+                f"scales, variance, ci_low and ci_high must be equally long lists{several}; they are {shapes}."
+                + (" Name the columns: channels=[...]." if channels is None and len(shapes["variance"]) == 2 else "")
+            )
+        for k, a in ({"scales": tau} | arrays).items():
             if not np.all(np.isfinite(a)):
-                raise ValueError(f"{k} must be finite, and is {a[~np.isfinite(a)][0]} at {np.argmin(np.isfinite(a))}.")
-        tau = arrays["scales"]
+                first = np.unravel_index(np.argmin(np.isfinite(a)), a.shape)
+                raise ValueError(f"{k} must be finite, and is {a[first]} at {', '.join(map(str, first))}.")
         spans(tau)
         if np.any(np.diff(tau) <= 0):
             raise ValueError(f"scales must be in increasing order, and are {tau}.")
@@ -264,17 +328,26 @@ class WaveletVariance(AbstractWaveletVariance):
         positive("ci_low", arrays["ci_low"], zero_ok=True)
         outside = ~((arrays["ci_low"] < arrays["variance"]) & (arrays["variance"] < arrays["ci_high"]))
         if np.any(outside):
-            raise ValueError(f"The interval at scale {tau[outside][0]:g} does not hold its variance inside it.")
+            raise ValueError(
+                f"The interval at scale {tau[np.argwhere(outside)[0][0]]:g} does not hold its variance inside it."
+            )
         if rate is not None:
             rate = sampling_rate(rate)
         if num_samples is not None:
             num_samples = integer("num_samples", num_samples, int(tau[-1]))
         level = confidence(level)
-        require_si(unit)
+        names = (name or "x",) if channels is None else tuple(channels)
+        units = (unit,) * len(names) if isinstance(unit, str) else tuple(unit)
+        if len(units) != len(names):
+            raise ValueError(f"There are the channels {', '.join(names)} and the units {', '.join(units)}.")
+        for one in units:
+            require_si(one)
+        kind = WaveletVariance if channels is None else WaveletVariances
         values = (arrays["variance"], arrays["ci_low"], arrays["ci_high"])
-        return cls(tau, *values, num_samples, level, rate, channels=(name or "x",), units=(unit,), name=name)
+        return kind(tau, *values, num_samples, level, rate, channels=names, units=units, name=name)
 
 
+@pytree(*_ARRAYS)
 @saved(not_finite=_INTERVALS, check=_check)
 @dataclass(frozen=True, repr=False)
 class WaveletVariances(AbstractWaveletVariance):

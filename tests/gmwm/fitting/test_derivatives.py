@@ -7,7 +7,8 @@ import pytest
 
 import gmwm_jax as gj
 from gmwm_jax.fitting.problem import Problem
-from gmwm_jax.fitting.search import Data, minimise, minimise_near
+from gmwm_jax.fitting.reduced import Data
+from gmwm_jax.fitting.search import minimise, minimise_near
 
 TRUTH = gj.WN(1.0) + gj.GM(0.03, 0.2)
 

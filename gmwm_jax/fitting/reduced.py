@@ -188,6 +188,30 @@ def _derivatives(
     return jnp.concatenate(columns) @ W, jnp.concatenate(slopes) @ W, jnp.concatenate(bends) @ W
 
 
+def columns_and_slopes(
+    layout: Layout, u: Float[Array, " C"], tau: Float[Array, " J"]
+) -> tuple[Float[Array, "K J"], Float[Array, "C J"]]:
+    """Unit wavelet variances of the components with a free shape, and their derivatives along each coordinate."""
+    columns, slopes, at = [], [], 0
+    for kind, count in layout.runs:
+        num = kind.num_coordinates
+        own, at = u[at : at + num * count].reshape(count, num), at + num * count
+
+        v, d = jax.vmap(_with_exact_slopes(kind, tau))(own)
+        columns.append(v)
+        slopes.append(d.reshape(num * count, -1))
+    return jnp.concatenate(columns), jnp.concatenate(slopes)
+
+
+def _with_exact_slopes(kind: type[AbstractProcess], tau: Array) -> Any:
+    def both(z: Float[Array, " D"]) -> tuple[Array, Array]:
+        along = jax.vmap(lambda direction: jax.jvp(_unit(kind, tau), (z,), (direction,)))
+        values, slopes = along(jnp.eye(kind.num_coordinates))
+        return values[0], slopes
+
+    return both
+
+
 def _unit(kind: type[AbstractProcess], tau: Array) -> Any:
     def column(z: Float[Array, " D"]) -> Float[Array, " J"]:
         own = z[0] if kind.num_coordinates == 1 else z

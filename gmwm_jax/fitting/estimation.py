@@ -1,0 +1,289 @@
+"""The estimator as a pure function: from moments and weights to estimates, for one's own `jit`, `vmap` and `grad`.
+
+The minimum is found by the search of `gmwm_jax.fitting.search`, through which nobody differentiates. What is
+differentiated is the condition that holds there (the implicit function theorem): with z the search coordinates and the
+logarithms of the amplitudes that are inside their range, g = dQ/dz = 0 for all data, so that
+
+    dz = -(dg/dz)^-1 (dg/dnu dnu + dg/dOmega dOmega + ...),
+
+of any order, forward and in reverse. A component whose amplitude is zero, or a shape at an end of its range, does not
+move with the data: the derivative is that of the problem without it, from the side on which it stays there. A direction
+that the data do not see is left out (a least-squares solve).
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import numpy as np
+import optimistix as optx
+from jax import Array
+from jaxtyping import Bool, Float
+
+from gmwm_jax._internal.checks import require_x64
+from gmwm_jax.fitting.problem import Problem, require_fittable
+from gmwm_jax.fitting.reduced import Data, Layout, columns_and_slopes
+from gmwm_jax.fitting.search import SIZE, Solution, minimise, smallest_slope
+from gmwm_jax.fitting.weights import AbstractWeights, WeightsLike, as_weights, root_of
+from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.parameter import Fixed
+from gmwm_jax.processes.registry import as_model
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances
+
+_UNSEEN = 1e-11
+"""Of the largest singular value of the second derivative: a direction below it is not seen by the data."""
+_AT_END = 1e-6
+"""Of a search coordinate: this close to an end of its range it is there."""
+
+
+class Estimates(eqx.Module):
+    """What `estimate` returns; a pytree, with a leading axis where it was mapped over a batch."""
+
+    model: Composite
+    """The estimated model; components of a kind from the shortest correlation time on, those at zero last."""
+    objective: Float[Array, "*B"]
+    """Q = (nu_hat - nu)' Omega (nu_hat - nu)."""
+    converged: Bool[Array, "*B"]
+    """Did the search end at a minimum?"""
+    at_zero: Bool[Array, "*B P"]
+    """Components, in the order of the model, whose amplitude is zero."""
+    agreement: Float[Array, "*B"]
+    """Share of the descents that came to this minimum."""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters by name, such as ``GM_1 beta``."""
+        model = self.model
+        return {
+            f"{label} {q.name}": value
+            for label, p in zip(model.labels, model.processes, strict=True)
+            for q, value in zip(p.parameters, p.values, strict=True)
+        }
+
+
+def estimate(
+    wv: WaveletVariance | WaveletVariances,
+    model: str | AbstractProcess | Composite,
+    *,
+    weights: WeightsLike = None,
+) -> Estimates:
+    """Estimate a model from the wavelet variance of one channel: `gmwm_jax.fit` as a pure function of its arrays.
+
+    jit it, vmap it over wavelet variances, weights, starting and held values, differentiate it by them to any order.
+
+    Parameters
+    ----------
+    wv
+        One channel; for a batch, map over a `WaveletVariance` whose arrays have a leading axis, or over arrays with
+        which `dataclasses.replace` makes one.
+    model
+        As for `gmwm_jax.fit`; what it holds or starts from may be traced.
+    weights
+        As for `gmwm_jax.fit`, but not ``"iterated"``; an array may be traced: (J,), or (J, J) positive definite.
+        A scale whose weight is zero is left out.
+
+    Returns
+    -------
+    Estimates
+
+    Raises
+    ------
+    ValueError
+        More free parameters than scales, unknown process, iterated weights, weights of another shape, several channels.
+    RuntimeError
+        x64 is off.
+
+    Notes
+    -----
+    Derivatives are those of the minimum that was found. Where a component comes or goes, or the minimum changes to
+    another one, the estimate has a kink or a jump, and its derivative is one-sided. Nothing is raised while values are
+    traced: look at `converged`.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> found = gj.fitting.estimate(wv, "WN + RW")
+    >>> abs(float(found.objective) / gj.fit(wv, "WN + RW").objective - 1) < 1e-9
+    True
+    >>> from dataclasses import replace
+    >>> by_scale = jax.grad(lambda nu: gj.fitting.estimate(replace(wv, variance=nu), "WN").parameters["WN sigma2"])
+    >>> by_scale(jnp.asarray(wv.variance)).shape == wv.scales.shape
+    True
+    """
+    require_x64()
+    model, weights = as_model(model), as_weights(weights)
+    if not isinstance(wv, WaveletVariance) or np.ndim(wv.variance) != 1:
+        raise ValueError(f"estimate() takes one channel, and this has {np.shape(wv.variance)}: take wv[0], or vmap it.")
+    if weights.num_rounds > 1:
+        raise ValueError(f'Weights "{weights.name}" go on until nothing changes, which no pure function does: take '
+                         '"covariance", or fit().')  # fmt: skip
+    require_fittable(model, wv)
+    if weights.needs_theory:
+        wv.require_theory(f'Weights "{weights.name}"')
+    problem = Problem.of(model, float(wv.scales[-1]))
+    places = problem.starting_points(None)
+    return _with_weights(problem, places, wv, weights)
+
+
+def _with_weights(
+    problem: Problem, places: tuple[Any, Any], wv: WaveletVariance, weights: AbstractWeights
+) -> Estimates:
+    """Estimate with weights that may need a first estimate."""
+    if weights.first is None:
+        omega = weights.omega(wv)
+    else:
+        first = _with_weights(problem, places, wv, weights.first).model
+        omega = weights.omega(wv, first, wv.covariance_under(first) if weights.needs_theory else None)
+    return solve(problem, places, wv.scales, wv.variance, omega)
+
+
+def solve(problem: Problem, places: tuple[Any, Any], tau: Any, nu: Any, omega: Any) -> Estimates:
+    """The minimum of a problem for moments nu and weights Omega, and how it moves with them.
+
+    Parameters
+    ----------
+    problem
+        The model; what it holds may be traced.
+    places
+        Where the search starts, see `Problem.starting_points`.
+    tau, nu, omega
+        Spans (J,), moments (J,), weights (J, J).
+    """
+    z, objective, solution = _solve(
+        problem.layout, places, jnp.asarray(tau), jnp.asarray(nu), jnp.asarray(omega), problem.bounds, problem.shapes,
+        problem.held,
+    )  # fmt: skip
+    model, order = _assembled(problem, z)
+    converged = jnp.isfinite(solution.objective) & (solution.slope <= smallest_slope(solution.objective))
+    agreement = solution.num_agreeing / problem.num_descents
+    return Estimates(model, objective, converged, (solution.amplitudes == 0)[jnp.stack(order)], agreement)
+
+
+class _Point(NamedTuple):
+    """Where the optimality condition is solved."""
+
+    coordinates: Float[Array, " C"]
+    relative: Float[Array, " P"]
+    """Amplitudes over those that were found; one where nothing was."""
+
+
+class _Condition(NamedTuple):
+    """What the condition depends on."""
+
+    layout: Layout
+    tau: Float[Array, " J"]
+    nu: Float[Array, " J"]
+    omega: Float[Array, "J J"]
+    shapes: Any
+    held: Float[Array, " P"]
+    found: _Point
+    active: _Point
+    """Whether each moves with the data."""
+    amplitudes: Float[Array, " P"]
+    unit: Float[Array, ""]
+
+
+class _Minimum(NamedTuple):
+    coordinates: Float[Array, " C"]
+    amplitudes: Float[Array, " P"]
+    at_zero: Bool[Array, " P"]
+
+
+def _solve_once(
+    layout: Layout, places: Any, tau: Any, nu: Any, omega: Any, bounds: Any, shapes: Any, held: Any
+) -> tuple[_Minimum, Array, Solution]:
+    still = jax.lax.stop_gradient
+    whitener = root_of(still(omega))
+    whitened = whitener @ still(nu)
+    unit = jnp.max(jnp.abs(whitened)) / SIZE
+    data = Data(whitened / unit, whitener / unit, tau, jnp.asarray(bounds), still(shapes), still(jnp.asarray(held)))
+    solution = minimise(layout, *map(jnp.asarray, still(places)), data)
+
+    zero = solution.amplitudes == 0
+    free = jnp.asarray(layout.free_amplitude)
+    inside = jnp.all(jnp.abs(solution.coordinates[:, None] - data.bounds) > _AT_END, axis=1)
+    owned = zero[layout.owners] if layout.num_shapes else jnp.zeros(0, dtype=bool)
+    active = _Point(inside & ~owned, free & ~zero)
+    at = still(jnp.where(zero, 1.0, solution.amplitudes))
+    # held amplitudes move with what holds them
+    relative = jnp.ones_like(at)
+    condition = _Condition(
+        layout, tau, nu, omega, shapes, jnp.asarray(held), _Point(solution.coordinates, relative), active, at, unit
+    )
+    solver = lx.SVD(rcond=_UNSEEN)
+    # functions that capture nothing, as it asks
+    z, _ = optx.ImplicitAdjoint(solver).apply(
+        lambda inputs: (inputs[0].found, None), lambda z, _, inputs: _slope(z, inputs[0]), (condition,), frozenset()
+    )
+    amplitudes = jnp.where(zero, 0.0, jnp.where(free, at * z.relative, jnp.asarray(held)))
+    minimum = _Minimum(z.coordinates, amplitudes, zero)
+    residual = nu - amplitudes @ _columns(layout, z.coordinates, shapes, tau)[0]
+    return minimum, residual @ omega @ residual, solution
+
+
+_solve = jax.jit(_solve_once, static_argnums=0)
+
+
+def _slope(z: _Point, c: _Condition) -> _Point:
+    """dQ/2 by what moves with the data, and by how much the rest has moved: zero at the minimum."""
+
+    free = jnp.asarray(c.layout.free_amplitude)
+    amplitudes = jnp.where(free, c.amplitudes * z.relative * _kept(c), c.held)
+    columns, slopes = _columns(c.layout, z.coordinates, c.shapes, c.tau)
+    pull = -(c.omega @ (c.nu - amplitudes @ columns)) / c.unit**2
+    slope = _Point(amplitudes[c.layout.owners] * (slopes @ pull), c.amplitudes * (columns @ pull))
+    return jax.tree.map(lambda g, now, then, on: jnp.where(on, g, now - then), slope, z, c.found, c.active)
+
+
+def _kept(c: _Condition) -> Float[Array, " P"]:
+    """One for amplitudes that are not zero."""
+    return jnp.where(jnp.asarray(c.layout.free_amplitude) & ~c.active.relative, 0.0, 1.0)
+
+
+def _columns(
+    layout: Layout, coordinates: Float[Array, " C"], shapes: Any, tau: Float[Array, " J"]
+) -> tuple[Float[Array, "P J"], Float[Array, "C J"]]:
+    """Unit wavelet variances of all components, and their derivatives along the search coordinates."""
+    given = [k.unit_wavelet_variance(s, tau) for k, s in zip(layout.kinds[layout.num_shapes :], shapes, strict=True)]
+    if not layout.num_shapes:
+        return jnp.stack(given), jnp.zeros((0, tau.shape[0]))
+    columns, slopes = columns_and_slopes(layout, coordinates, tau)
+    return jnp.concatenate([columns, *(g[None] for g in given)]), slopes
+
+
+def _assembled(problem: Problem, z: _Minimum) -> tuple[Composite, list[Array]]:
+    """The model with its estimates in the user's order, and which component of the problem stands where."""
+    layout, values = problem.layout, []
+    for i, p in enumerate(problem.processes):
+        shape = p.shape
+        if layout.free_shape[i]:
+            shape = tuple(p.shape_from_coordinate(z.coordinates[layout.position(i)]))
+        # the square root that some values are of their amplitude has no slope at zero
+        value = jnp.where(z.at_zero[i], 0.0, p.value_of(jnp.where(z.at_zero[i], 1.0, z.amplitudes[i])))
+        values.append((*shape, value))
+    placed: dict[int, AbstractProcess] = {}
+    place: dict[int, Array] = {}
+    for members in _alike(problem):
+        p = problem.processes[members[0]]
+        columns = [jnp.stack([jnp.asarray(values[m][k]) for m in members]) for k in range(len(p.parameters))]
+        order = jnp.arange(len(members))
+        if len(members) > 1:
+            times = jnp.stack([jnp.asarray(p.correlation_time(values[m][:-1])) for m in members])
+            order = jnp.argsort(jnp.where(z.at_zero[jnp.asarray(members)], jnp.inf, jax.lax.stop_gradient(times)))
+        build: Any = type(p)
+        for k, position in enumerate(sorted(problem.order[m] for m in members)):
+            named = {q.name: column[order[k]] for q, column in zip(p.parameters, columns, strict=True)}
+            placed[position] = build(**{n: Fixed(v) if n in p.fixed else v for n, v in named.items()})
+            place[position] = jnp.asarray(members)[order[k]]
+    positions = sorted(placed)
+    return Composite([placed[i] for i in positions]), [place[i] for i in positions]
+
+
+def _alike(problem: Problem) -> list[list[int]]:
+    """Components that may change places: of one kind, and holding the same."""
+    groups: dict[Any, list[int]] = {}
+    for i, p in enumerate(problem.processes):
+        groups.setdefault((type(p), p.fixed), []).append(i)
+    return list(groups.values())
