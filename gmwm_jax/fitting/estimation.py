@@ -228,7 +228,6 @@ _solve = jax.jit(_solve_once, static_argnums=0)
 
 def _slope(z: _Point, c: _Condition) -> _Point:
     """dQ/2 by what moves with the data, and by how much the rest has moved: zero at the minimum."""
-
     free = jnp.asarray(c.layout.free_amplitude)
     amplitudes = jnp.where(free, c.amplitudes * z.relative * _kept(c), c.held)
     columns, slopes = _columns(c.layout, z.coordinates, c.shapes, c.tau)

@@ -4,7 +4,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 import numpy as np
 from jax import Array
@@ -33,6 +33,9 @@ from gmwm_jax.units import require_si
 from gmwm_jax.variance.blocked import blocks_to_file
 from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator, from_shorthands
 from gmwm_jax.variance.haar import interval_factors, scales
+
+# NumPy's, to whoever reads types; inside of a transformation they are traced
+Numbers: TypeAlias = np.ndarray if TYPE_CHECKING else Array | np.ndarray
 
 _INTERVALS = ("ci_low", "ci_high")
 _ARRAYS = ("variance", *_INTERVALS, "present")
@@ -71,9 +74,9 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
     """
 
     scales: Float[np.ndarray, " J"]
-    variance: Float[Array | np.ndarray, "J *C"]
-    ci_low: Float[Array | np.ndarray, "J *C"]
-    ci_high: Float[Array | np.ndarray, "J *C"]
+    variance: Float[Numbers, "J *C"]
+    ci_low: Float[Numbers, "J *C"]
+    ci_high: Float[Numbers, "J *C"]
     num_samples: int | None = None
     level: float = 0.95
     rate: float | None = None
