@@ -1,6 +1,7 @@
 """Type aliases shared by all files of both packages."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from jax import Array
 from jax.typing import ArrayLike
@@ -12,6 +13,12 @@ PRNGKey = Key[Array, ""]
 FloatLike = ArrayLike
 Real = float | int
 Names = Sequence[str]
+
+if TYPE_CHECKING:
+    Numbers = ndarray
+else:
+    Numbers = Array | ndarray
+"""NumPy's arrays, which inside of a transformation are traced: of that, who reads types hears nothing."""
 
 Vector = Float[Array, "3 ..."]
 """Component axis first, then any axes: runs or times."""

@@ -19,13 +19,13 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jaxtyping import Float, Float64
 from numpy.typing import ArrayLike
 
 from gmwm_jax._internal.checks import as_float, concrete
 from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.states import register, saved
+from gmwm_jax._internal.typing import Numbers
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.variance.wavelet import WaveletVariance
 
@@ -64,8 +64,8 @@ class AbstractWeights(ABC):
 
     @abstractmethod
     def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Float[Array | np.ndarray, "J J"] | None = None
-    ) -> Float[Array | np.ndarray, "J J"]:
+        self, wv: WaveletVariance, model: Composite | None = None, V: Float[Numbers, "J J"] | None = None
+    ) -> Float[Numbers, "J J"]:
         """Omega for a wavelet variance of one channel.
 
         Parameters
@@ -94,9 +94,7 @@ class Default(AbstractWeights):
 
     name: ClassVar[str] = "default"
 
-    def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
-    ) -> Float[Array | np.ndarray, "J J"]:
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[Numbers, "J J"]:
         """Omega, see `AbstractWeights.omega`; ValueError if it is beyond floating point."""
         xp = namespace(wv.ci_low, wv.ci_high)
         with np.errstate(divide="ignore", over="ignore"):
@@ -122,9 +120,7 @@ class TwoStep(AbstractWeights):
     name: ClassVar[str] = "two-step"
     first: AbstractWeights = Default()
 
-    def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
-    ) -> Float[Array | np.ndarray, "J J"]:
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[Numbers, "J J"]:
         """Omega, see `AbstractWeights.omega`; ValueError if the model has no variance at some scale."""
         (fitted,) = known(_known(model, self).wavelet_variance(wv.scales))
         seen = concrete(fitted)
@@ -149,9 +145,7 @@ class Covariance(AbstractWeights):
     inverts_covariance: ClassVar[bool] = True
     first: AbstractWeights = TwoStep()
 
-    def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
-    ) -> Float[Array | np.ndarray, "J J"]:
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[Numbers, "J J"]:
         """Omega, see `AbstractWeights.omega`.
 
         Raises
@@ -188,9 +182,7 @@ class Iterated(AbstractWeights):
     num_rounds: ClassVar[int] = 20
     first: AbstractWeights = Covariance()
 
-    def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
-    ) -> Float[Array | np.ndarray, "J J"]:
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[Numbers, "J J"]:
         """Omega, see `Covariance.omega`."""
         return Covariance().omega(wv, model, V)
 
@@ -203,9 +195,7 @@ class Given(AbstractWeights):
     of_any_length: ClassVar[bool] = False
     values: ArrayLike
 
-    def omega(
-        self, wv: WaveletVariance, model: Composite | None = None, V: Any = None
-    ) -> Float[Array | np.ndarray, "J J"]:
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[Numbers, "J J"]:
         """Omega, see `AbstractWeights.omega`; ValueError if the values are no positive definite matrix of its size."""
         J = wv.num_scales
         traced = concrete(self.values) is None

@@ -4,10 +4,9 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, TypeAlias, overload
+from typing import Any, overload
 
 import numpy as np
-from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import (
@@ -26,6 +25,7 @@ from gmwm_jax._internal.pytrees import pytree
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax._internal.typing import Numbers
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.recordings.recording import Recording
@@ -33,9 +33,6 @@ from gmwm_jax.units import require_si
 from gmwm_jax.variance.blocked import blocks_to_file
 from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator, from_shorthands
 from gmwm_jax.variance.haar import interval_factors, scales
-
-# NumPy's, to whoever reads types; inside of a transformation they are traced
-Numbers: TypeAlias = np.ndarray if TYPE_CHECKING else Array | np.ndarray
 
 _INTERVALS = ("ci_low", "ci_high")
 _ARRAYS = ("variance", *_INTERVALS, "present")
