@@ -17,7 +17,7 @@ Names = Sequence[str]
 if TYPE_CHECKING:
     Numbers = ndarray
 else:
-    Numbers = Array | ndarray
+    Numbers = ndarray | Array  # what is read from a file is the first
 """NumPy's arrays, which inside of a transformation are traced: of that, who reads types hears nothing."""
 
 Vector = Float[Array, "3 ..."]
