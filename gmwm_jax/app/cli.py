@@ -72,6 +72,7 @@ def wv(
                 "deviation": one.deviation,
                 "ci_low": one.ci_low,
                 "ci_high": one.ci_high,
+                **_nominal(one.shown),
                 "read_off": tables[name][0].to_list(),
                 "read_off_datasheet": tables[name][1].to_list(),
             }
@@ -82,10 +83,22 @@ def wv(
         write_figure(plot, lambda: result.plot())
         content["scales"] = result.scales
         content["channels"] = {
-            name: {"unit": one.units[0], "variance": one.variance, "ci_low": one.ci_low, "ci_high": one.ci_high}
+            name: {
+                "unit": one.units[0],
+                "variance": one.variance,
+                "ci_low": one.ci_low,
+                "ci_high": one.ci_high,
+                **_nominal(one.shown),
+            }
             for name, one in result.items()
         }
     write_json(json_file, content)
+
+
+def _nominal(shown: gj.variance.Bands) -> dict[str, Any]:
+    """Intervals at their nominal level for JSON, where they are known."""
+    known = {"nominal_low": shown.low, "nominal_high": shown.high, "dof": shown.dof, "dof_of": shown.basis}
+    return known if shown.nominal else {}
 
 
 @command(app)

@@ -600,7 +600,7 @@ class Fit(Drawable, Saved, Labelled):
         test = self.chi_square or ChiSquare(np.nan, 0, np.nan, np.full(self.wv.num_scales, np.nan))
         return {
             "chi_square": Values((), test.statistic),
-            "dof": Values((), test.dof),
+            "chi_square_dof": Values((), test.dof),
             "p_value": Values((), test.p_value),
             "pull": Values("scale", test.pulls, "1"),
             "misfit": Values((), self.misfit),

@@ -19,7 +19,9 @@ from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax.processes.base import Composite
 from gmwm_jax.recordings.recording import Recording
+from gmwm_jax.variance.bands import Bands
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
 
 FLICKER_FLOOR = math.sqrt(2 * math.log(2) / math.pi)
@@ -36,7 +38,8 @@ class AllanDeviation(Drawable, Saved):
     times
         Averaging times n/f in seconds, n = 1, 2, 4 ...
     deviation, ci_low, ci_high
-        sqrt(AVAR) and its interval, in signal units.
+        sqrt(AVAR) and the interval of the wavelet variance's weights, in signal units; `bands` are those of the nominal
+        level.
     wv
         The wavelet variance that it is.
     """
@@ -50,6 +53,22 @@ class AllanDeviation(Drawable, Saved):
     def __getitem__(self, channel: str | int) -> "AllanDeviation":
         """One channel, by name or number."""
         return allan_deviation(self.wv[channel], rate=sampling_rate(self.wv.rate))
+
+    def bands(self, model: Composite | None = None, *, level: float | None = None) -> Bands:
+        """Return the intervals that hold the truth as often as they say, see `gmwm_jax.variance.WaveletVariance.bands`.
+
+        Examples
+        --------
+        >>> adev = gj.allan_deviation(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+        >>> bool(np.all(adev.bands().high < adev.ci_high))
+        True
+        """
+        return self.wv.bands(model, level=level).of_deviation
+
+    @property
+    def shown(self) -> Bands:
+        """What prints and figures show: `bands` where they are known, else the intervals of the weights."""
+        return self.wv.shown.of_deviation
 
     def plot(self, *, regression: Any = None, readings: bool = True, axes: GivenAxes | None = None) -> Figure:
         """Draw the Allan deviation over averaging time, a frame for each unit.
@@ -75,10 +94,12 @@ class AllanDeviation(Drawable, Saved):
         head = ["T [s]", *(f"{c} [{u}]" for c, u in zip(self.wv.channels, self.wv.units, strict=True))]
         columns = [self.times[:, None], self.deviation.reshape(len(self.times), -1)]
         if isinstance(self.wv, WaveletVariance):
-            head += [f"{100 * self.wv.level:g} % low", "high"]
-            columns += [self.ci_low[:, None], self.ci_high[:, None]]
+            head += [f"{100 * self.wv.level:g} % low", "high", "dof"]
+            columns += [v[:, None] for v in (self.shown.low, self.shown.high, self.shown.dof)]
         rows = [[number(x) for x in row] for row in np.hstack(columns)]
-        return f"Overlapping Allan deviation at {sampling_rate(self.wv.rate):g} Hz\n{format_table(head, rows, left=0)}"
+        foot = self.shown.remark if isinstance(self.wv, WaveletVariance) else ""
+        title = f"Overlapping Allan deviation at {sampling_rate(self.wv.rate):g} Hz"
+        return f"{title}\n{format_table(head, rows, left=0)}{foot}"
 
 
 def allan_deviation(

@@ -24,6 +24,7 @@ from gmwm_jax.variance.covariance import require_no_mean, wv_covariance
 from gmwm_jax.variance.gap_covariance import gap_covariance
 from gmwm_jax.variance.gaps import find_pairs, gap_wavelet_variance, variance_by_pairs
 from gmwm_jax.variance.haar import check_num_levels, degrees_of_freedom, haar_dwt_variance
+from gmwm_jax.variance.power_law import ALLAN, local_degrees_of_freedom
 from gmwm_jax.variance.robust import require_efficiency, robust_wavelet_variance, widening
 
 _PARTS = 16
@@ -114,6 +115,28 @@ class AbstractEstimator(ABC):
         """
         return None
 
+    def local_dof(
+        self,
+        variance: Float[np.ndarray, "J *C"],
+        num_samples: int,
+        scales: Float[np.ndarray, " J"],
+        present: Bool[np.ndarray, "N *C"] | None,
+    ) -> Float[np.ndarray, "J *C"] | None:
+        """Degrees of freedom under the power law of each scale and its neighbours; None if they are not known.
+
+        Parameters
+        ----------
+        variance
+            Of one channel or several.
+        num_samples
+            N.
+        scales
+            Spans in samples.
+        present
+            False where a sample is missing; None for a complete record.
+        """
+        return None
+
     def skewness(
         self, model: Composite, num_samples: int, V: Float[np.ndarray, "J J"]
     ) -> Float[np.ndarray, " J"] | None:
@@ -148,6 +171,10 @@ class Modwt(AbstractEstimator):
     def covariance(self, model: Composite, num_samples: int | None, num_levels: int, present: Any) -> Any:
         """Covariance, exact; see `AbstractEstimator.covariance`."""
         return None if num_samples is None else known(wv_covariance(model, num_samples, num_levels))[0]
+
+    def local_dof(self, variance: Any, num_samples: int, scales: Any, present: Any) -> Any:
+        """Degrees of freedom, see `AbstractEstimator.local_dof`."""
+        return local_degrees_of_freedom(ALLAN, num_samples, scales / 2, variance)
 
     def skewness(self, model: Composite, num_samples: int, V: Float[np.ndarray, "J J"]) -> Float[np.ndarray, " J"]:
         """Skewness of the wavelet variances, given their covariance."""
@@ -236,6 +263,11 @@ class Robust(AbstractEstimator):
             return None
         return known(wv_covariance(model, num_samples, num_levels, efficiency=self.efficiency))[0]
 
+    def local_dof(self, variance: Any, num_samples: int, scales: Any, present: Any) -> Any:
+        """Degrees of freedom, see `AbstractEstimator.local_dof`: the others, less as its intervals are wider."""
+        wider = widening(self.efficiency, len(scales)).reshape(-1, *[1] * (variance.ndim - 1))
+        return np.maximum(Modwt().local_dof(variance, num_samples, scales, None) / wider, 1.0)
+
 
 @saved()
 @dataclass(frozen=True)
@@ -268,6 +300,12 @@ class Pairs(AbstractEstimator):
         if present is None or np.all(present):
             return Modwt().covariance(model, num_samples, num_levels, None)
         return gap_covariance(model, find_pairs(present, num_levels))
+
+    def local_dof(self, variance: Any, num_samples: int, scales: Any, present: Any) -> Any:
+        """Degrees of freedom of a complete record, see `AbstractEstimator.local_dof`."""
+        if present is not None and not np.all(present):
+            return None
+        return Modwt().local_dof(variance, num_samples, scales, None)
 
     def of_records(self, num_levels: int, present: Any) -> Callable[[Any], Float[np.ndarray, "B J"]]:
         """Return a function that takes the wavelet variances of simulated records, without what is missing."""

@@ -30,6 +30,7 @@ from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.units import require_si
+from gmwm_jax.variance.bands import LOCAL, WEIGHTS, Bands
 from gmwm_jax.variance.blocked import blocks_to_file
 from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator, from_shorthands
 from gmwm_jax.variance.haar import interval_factors, scales
@@ -59,11 +60,12 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
     scales
         tau_j, spans of the filters in samples, shape (J,). The averaging time of the Allan variance is half of it.
     variance, ci_low, ci_high
-        nu_j^2 and its confidence interval, in squared `units`.
+        nu_j^2 and an interval, in squared `units`: the one that weights of fits are from, which is wider than its
+        level says. `bands` has those of the nominal level.
     num_samples
         N, or None where only published values are known: without it there is no covariance and no standard error.
     level
-        Confidence of the interval.
+        Confidence of the intervals.
     rate
         Hz, or None if not stated (times are then in samples).
     channels, units
@@ -124,6 +126,66 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         num_samples = self.num_samples if self.has_theory else None
         return self.estimator.covariance(model, num_samples, self.num_scales, self.present)
 
+    def bands(self, model: Composite | None = None, *, level: float | None = None) -> Bands:
+        """Return the intervals that hold the truth as often as they say.
+
+        ``ci_low`` and ``ci_high``, from which fits take their weights, have the same degrees of freedom for every noise
+        and hold it in 98 to 100 % where 95 % is said.
+
+        Parameters
+        ----------
+        model
+            Of one channel: a fitted model, whose exact covariance gives the degrees of freedom. By default they are
+            those of the power law that each scale has with its neighbours.
+        level
+            Confidence, by default that of this wavelet variance.
+
+        Raises
+        ------
+        ValueError
+            No number of samples, the DWT, missing samples without a model, a model without theory, or one for several
+            channels.
+
+        Examples
+        --------
+        >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+        >>> bool(np.all(wv.bands().high < wv.ci_high))
+        True
+        """
+        level = self.level if level is None else level
+        if model is None:
+            dof = self._local_dof
+            if dof is None:
+                raise ValueError(
+                    "Intervals at their nominal level need the number of samples, the MODWT, and a complete record or "
+                    "a model of one channel: wv.bands(fit.model)."
+                )
+            return Bands.of(self.variance, dof, level, LOCAL)
+        if self.variance.ndim > 1:
+            raise ValueError(f"A model belongs to one channel: choose it, as in wv[{self.channels[0]!r}].bands(...).")
+        V = self.covariance_under(model)
+        if V is None:
+            raise ValueError(
+                "Intervals under a model need its theory: the number of samples, all scales 2 .. 2^J, the MODWT, and "
+                "no SIN."
+            )
+        dof = 2 * np.asarray(model.wavelet_variance(self.scales)) ** 2 / np.diag(V)
+        return Bands.of(self.variance, dof, level, " + ".join(p.kind for p in model.processes))
+
+    @property
+    def _local_dof(self) -> Float[np.ndarray, "J *C"] | None:
+        if self.num_samples is None or not self.estimator.overlaps:
+            return None
+        return self.estimator.local_dof(self.variance, self.num_samples, self.scales, self.present)
+
+    @property
+    def shown(self) -> Bands:
+        """What prints and figures show: `bands` where they are known, else the intervals of the weights."""
+        if self._local_dof is not None:
+            return self.bands()
+        unknown = np.full_like(self.variance, np.nan)
+        return Bands(self.ci_low, self.ci_high, unknown, self.level, WEIGHTS)
+
     @property
     def missing(self) -> str:
         """The number of missing samples in words; "" if none is missing."""
@@ -162,6 +224,10 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         unit = UNIT_OF_CHANNEL if several else f"({self.units[0]})^2"
         names, units = (self.channels, self.units) if several else (self.channels[0], self.units[0])
         values = {name: Values(dims, getattr(self, name), unit) for name in ("variance", "ci_low", "ci_high")}
+        shown = self.shown
+        low, high = (v if shown.nominal else np.full_like(v, np.nan) for v in (shown.low, shown.high))
+        values |= {"nominal_low": Values(dims, low, unit), "nominal_high": Values(dims, high, unit)}
+        values["dof"] = Values(dims, shown.dof)
         coordinates = {
             "scale": Values("scale", self.scales, "samples"),
             "time": Values("scale", self.times, "s" if self.rate else "samples"),
@@ -194,17 +260,19 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         """A table: a row a scale, a column a channel (with the interval if there is only one)."""
         time = "tau [s]" if self.rate else "tau [samples]"
         if self.variance.ndim == 1:
-            head = [time, f"WV [({self.units[0]})^2]", f"{100 * self.level:g} % low", "high"]
-            columns = np.column_stack([self.times, self.variance, self.ci_low, self.ci_high])
+            shown = self.shown
+            head = [time, f"WV [({self.units[0]})^2]", f"{100 * self.level:g} % low", "high", "dof"]
+            columns = np.column_stack([self.times, self.variance, shown.low, shown.high, shown.dof])
+            foot = shown.remark
         else:
             head = [time, *(f"{c} [({u})^2]" for c, u in zip(self.channels, self.units, strict=True))]
-            columns = np.column_stack([self.times, self.variance])
+            columns, foot = np.column_stack([self.times, self.variance]), ""
         what = self.name or ", ".join(self.channels)
         missing = f" ({self.missing})" if self.missing else ""
         samples = f", {self.num_samples} samples{missing}" if self.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
-        return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}"
+        return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}{foot}"
 
 
 @pytree(*_ARRAYS)
