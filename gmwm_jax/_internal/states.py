@@ -52,8 +52,10 @@ class Row:
         parts: Callable[[Any], Mapping[str, Any]],
         build: Callable[[Mapping[str, Any]], Any],
         not_finite: Collection[str],
+        added: Collection[str] = (),
     ):
         self.cls, self.parts, self.build, self.not_finite = cls, parts, build, frozenset(not_finite)
+        self.added = frozenset(added)
         self._parts_as = parts_as
 
     @property
@@ -73,13 +75,17 @@ _ROWS: dict[str, Row] = {}
 _FAMILIES: list[type] = []
 
 
-def saved(*, not_finite: Collection[str] = (), check: Callable[[Any], Any] | None = None) -> Callable[[T], T]:
+def saved(
+    *, not_finite: Collection[str] = (), added: Collection[str] = (), check: Callable[[Any], Any] | None = None
+) -> Callable[[T], T]:
     """Enter a dataclass into the registry: its fields are its state, and its constructor builds it again.
 
     Parameters
     ----------
     not_finite
         Fields that may hold NaN or infinity.
+    added
+        Fields that files of former versions lack: they have their default then.
     check
         Raises a ValueError for a result that nothing could have made, where the constructor does not.
     """
@@ -96,7 +102,7 @@ def saved(*, not_finite: Collection[str] = (), check: Callable[[Any], Any] | Non
                 check(result)
             return result
 
-        _enter(Row(cls, cls, to_parts, from_parts, not_finite))
+        _enter(Row(cls, cls, to_parts, from_parts, not_finite, added))
         return cls
 
     return enter
@@ -225,13 +231,12 @@ def _read_object(tree: Any, arrays: Mapping[str, np.ndarray], where: str) -> Any
     if not isinstance(tree, dict) or not isinstance(name := tree.get(_CLASS), str) or name not in _ROWS:
         raise ValueError(f"{shown} is no object of a known class.")
     row = _ROWS[name]
-    if set(tree) - {_CLASS} != set(row.hints):
-        missing, unknown = sorted(set(row.hints) - set(tree)), sorted(set(tree) - set(row.hints) - {_CLASS})
+    hints = {part: hint for part, hint in row.hints.items() if part in tree or part not in row.added}
+    if set(tree) - {_CLASS} != set(hints):
+        missing, unknown = sorted(set(hints) - set(tree)), sorted(set(tree) - set(hints) - {_CLASS})
         raise ValueError(f"{shown} is a {name}, and lacks {missing} or has {unknown} more.")
-    parts = {part: _read(tree[part], hint, arrays, f"{where}.{part}") for part, hint in row.hints.items()}
-    found = [
-        a for part, hint in row.hints.items() for a in _arrays_of(parts[part], hint, f"{where}.{part}".lstrip("."))
-    ]
+    parts = {part: _read(tree[part], hint, arrays, f"{where}.{part}") for part, hint in hints.items()}
+    found = [a for part, hint in hints.items() for a in _arrays_of(parts[part], hint, f"{where}.{part}".lstrip("."))]
     with jaxtyped("context"):  # sizes of one name are one number in all parts
         for array, hints, at in found:
             if not any(isinstance(array, h) for h in hints):

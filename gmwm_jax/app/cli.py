@@ -56,7 +56,11 @@ def wv(
     result = gj.wavelet_variance(
         rec, method=method, num_levels=levels, level=level, efficiency=efficiency if robust else None
     )
+    for text in result.warnings:
+        typer.echo(f"Warning: {text}", err=True)
     content: dict[str, Any] = {"rate": rec.rate, "num_samples": len(rec), "level": level}
+    if result.warnings:
+        content["warnings"] = list(result.warnings)
     if allan:
         adev = gj.allan_deviation(result)
         tables = {

@@ -40,6 +40,7 @@ from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.processes.random_walk import RW
 from gmwm_jax.processes.white_noise import WN
+from gmwm_jax.variance.bands import Bands
 from gmwm_jax.variance.wavelet import WaveletVariance
 
 if TYPE_CHECKING:
@@ -243,6 +244,17 @@ class Fit(Drawable, Saved, Labelled):
         return self.wv.covariance_under(self.model)
 
     @cached_property
+    def shown(self) -> Bands:
+        """Intervals of the wavelet variance at their nominal level, by the covariance under the fitted model.
+
+        Without theory those of the power law that each scale has with its neighbours, or of the weights.
+        """
+        V = self.wv_covariance
+        if V is None or not np.all(np.diag(V) > 0):
+            return self.wv.shown
+        return Bands.of(self.wv.variance, 2 * self.fitted**2 / np.diag(V), self.wv.level, "fitted model")
+
+    @cached_property
     def covariance(self) -> Float[np.ndarray, "P P"] | None:
         """Covariance of the active parameters on the real line (log; logit for phi); None as `wv_covariance`."""
         if self.wv_covariance is None or not self.active:
@@ -401,8 +413,8 @@ class Fit(Drawable, Saved, Labelled):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences that stand before the estimates: held values that the data contradict, a model that misses them."""
-        return (*self.contradictions, *filter(None, [self.misfit]))
+        """Sentences that stand before the estimates: of the data, of held values that they contradict, of a misfit."""
+        return (*self.wv.warnings, *self.contradictions, *filter(None, [self.misfit]))
 
     @property
     def verdict(self) -> list[str]:
@@ -561,6 +573,12 @@ class Fit(Drawable, Saved, Labelled):
             write_atomically(path, lambda file: file.write(text.encode()))
         return text
 
+    def _nominal(self) -> dict[str, Any]:
+        """Intervals of the wavelet variance at their nominal level for JSON, where they are known."""
+        shown = self.shown
+        known = {"nominal_low": shown.low, "nominal_high": shown.high, "dof": shown.dof}
+        return {**{k: v.tolist() for k, v in known.items()}, "dof_of": shown.basis} if shown.nominal else {}
+
     def _test(self) -> dict[str, Any] | None:
         """The test of fit for JSON, which has no NaN."""
         test = self.chi_square
@@ -662,6 +680,7 @@ class Fit(Drawable, Saved, Labelled):
             "variance": self.wv.variance.tolist(),
             "ci_low": self.wv.ci_low.tolist(),
             "ci_high": self.wv.ci_high.tolist(),
+            **self._nominal(),
             "fitted": self.fitted.tolist(),
             "residuals": self.residuals.tolist(),
             "components": {k: v.tolist() for k, v in self.decomposition().items()},

@@ -48,6 +48,8 @@ from gmwm_jax.plotting.regression import regression_data as regression_data
 from gmwm_jax.plotting.variance import allan_deviation_data as allan_deviation_data
 from gmwm_jax.plotting.variance import plot_allan_deviation as plot_allan_deviation
 from gmwm_jax.plotting.variance import plot_robust_comparison as plot_robust_comparison
+from gmwm_jax.plotting.variance import plot_stability_deviation as plot_stability_deviation
 from gmwm_jax.plotting.variance import plot_wavelet_variance as plot_wavelet_variance
 from gmwm_jax.plotting.variance import robust_comparison_data as robust_comparison_data
+from gmwm_jax.plotting.variance import stability_deviation_data as stability_deviation_data
 from gmwm_jax.plotting.variance import wavelet_variance_data as wavelet_variance_data

@@ -17,6 +17,8 @@ from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.processes.registry import as_model
+from gmwm_jax.variance.bands import Bands
+from gmwm_jax.variance.stability import StabilityDeviation
 from gmwm_jax.variance.wavelet import AbstractWaveletVariance
 
 draw = registry("gmwm_jax")
@@ -64,9 +66,10 @@ def variance_axis(unit: str) -> Axis:
     return Axis("wavelet variance", "1" if unit == "1" else f"({unit})^2", "log")
 
 
-def variance_items(wv: AbstractWaveletVariance, label: str) -> list[Item]:
-    """Wavelet variance of one channel with its interval."""
-    return [Band("", wv.times, wv.ci_low, wv.ci_high), Line(label, wv.times, wv.variance)]
+def variance_items(wv: AbstractWaveletVariance, label: str, shown: Bands | None = None) -> list[Item]:
+    """Wavelet variance of one channel with its interval, by default the one that is printed."""
+    band = wv.shown if shown is None else shown
+    return [Band("", wv.times, band.low, band.high), Line(label, wv.times, wv.variance)]
 
 
 def datasheet_items(wv: AbstractWaveletVariance, models: Mapping[str, Composite]) -> list[Item]:
@@ -81,9 +84,10 @@ def dense_scales(wv: AbstractWaveletVariance) -> np.ndarray:
     return np.unique(2 * np.round(np.geomspace(wv.scales[0], wv.scales[-1], 200) / 2))
 
 
-def in_half_widths(wv: AbstractWaveletVariance, residuals: np.ndarray) -> np.ndarray:
+def in_half_widths(wv: AbstractWaveletVariance, residuals: np.ndarray, shown: Bands | None = None) -> np.ndarray:
     """Residuals over the half of the interval of confidence that they point away from."""
-    return residuals / np.where(residuals > 0, wv.variance - wv.ci_low, wv.ci_high - wv.variance)
+    band = wv.shown if shown is None else shown
+    return residuals / np.where(residuals > 0, wv.variance - band.low, band.high - wv.variance)
 
 
 def in_bins(t: np.ndarray, x: np.ndarray) -> tuple[int, Band, Line]:
@@ -159,15 +163,15 @@ def in_standard_units(ax: Axes) -> None:
     ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
-def band_title(level: float) -> dict[str, Any]:
+def band_title(shown: Bands) -> dict[str, Any]:
     """What the bands are, above a legend."""
-    return {"title": f"band: {100 * level:g} % interval", "title_fontsize": 8}
+    return {"title": f"band: {100 * shown.level:g} % interval, {shown.basis}", "title_fontsize": 8}
 
 
-def legend(ax: Axes, level: float) -> None:
+def legend(ax: Axes, shown: Bands) -> None:
     """What is what in a frame, and what the bands are."""
     handles, _ = ax.get_legend_handles_labels()
-    ax.legend(fontsize=8, ncols=1 + (len(handles) > 5), handlelength=3.5, **band_title(level))
+    ax.legend(fontsize=8, ncols=1 + (len(handles) > 5), handlelength=3.5, **band_title(shown))
 
 
 def lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
@@ -175,14 +179,15 @@ def lowest(ci_low: np.ndarray, estimate: np.ndarray) -> float:
     return float(np.min(np.where(ci_low > 0, ci_low, estimate)))
 
 
-def title_of(wv: AbstractWaveletVariance, members: Sequence[int]) -> str:
+def title_of(wv: AbstractWaveletVariance | StabilityDeviation, members: Sequence[int]) -> str:
     """Name and channels."""
     names = ", ".join(wv.channels[i] for i in members) if len(members) < 5 else f"{len(members)} channels"
     title = names if wv.name in ("", names) else f"{wv.name}, {names}"
-    return f"{title}, robust ({wv.efficiency:g})" if wv.efficiency else title
+    robust = isinstance(wv, AbstractWaveletVariance) and wv.efficiency
+    return f"{title}, robust ({robust:g})" if robust else title
 
 
-def members_by_unit(wv: AbstractWaveletVariance) -> dict[str, list[int]]:
+def members_by_unit(wv: AbstractWaveletVariance | StabilityDeviation) -> dict[str, list[int]]:
     """Unit -> numbers of the channels that have it: those share a frame."""
     members: dict[str, list[int]] = {}
     for i, unit in enumerate(wv.units):

@@ -56,7 +56,7 @@ def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Fr
     """
     wv, dense = fit.wv, dense_scales(fit.wv)
     t = dense / (wv.rate or 1.0)
-    items = variance_items(wv, "wavelet variance")
+    items = variance_items(wv, "wavelet variance", fit.shown)
     items.append(Line("fit", t, np.asarray(fit.model.wavelet_variance(dense))))
     for label, p in zip(fit.model.labels, fit.model.processes, strict=True):
         if float(p.amplitude) > 0:
@@ -70,7 +70,7 @@ def fit_data(fit: Fit, *, datasheet: Datasheet | None = None) -> tuple[Frame, Fr
     residuals = (
         Span(f"{100 * wv.level:g} % interval of one scale", -1.0, 1.0, "y"),
         Mark("", 0.0, "y"),
-        Points("", wv.times, in_half_widths(wv, fit.residuals)),
+        Points("", wv.times, in_half_widths(wv, fit.residuals, fit.shown)),
     )
     return (
         Frame(title, scale_axis(wv), variance_axis(fit.unit), tuple(items)),
@@ -108,16 +108,16 @@ def plot_fit(fit: Fit, *, datasheet: Datasheet | None = None, axes: GivenAxes | 
     draw_datasheet(top, more[num:])
     top.set_title(above.title, fontsize=10)
     top.set_xlabel("")
-    top.set_ylim(lowest(fit.wv.ci_low, fit.wv.variance) / 4, np.max(fit.wv.ci_high) * 3)
+    top.set_ylim(lowest(fit.shown.low, fit.wv.variance) / 4, np.max(fit.shown.high) * 3)
     describe(bottom, below, apart="\n")
     bottom.set_xscale(below.x.scale)
     interval, zero, pulls = below.items
     put(bottom, interval, color=DATA, alpha=0.12)
     put(bottom, zero, color="0.4", lw=0.8)
     put(bottom, pulls, marker="o", ls="", color=FIT, ms=4)
-    limit = max(1.3, 1.15 * float(np.max(np.abs(in_half_widths(fit.wv, fit.residuals)))))
+    limit = max(1.3, 1.15 * float(np.max(np.abs(in_half_widths(fit.wv, fit.residuals, fit.shown)))))
     bottom.set_ylim(-limit, limit)
-    legend_below(figure, (top, bottom), alone=axes is None, **band_title(fit.wv.level))
+    legend_below(figure, (top, bottom), alone=axes is None, **band_title(fit.shown))
     return figure
 
 
@@ -176,5 +176,5 @@ def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: 
             entries.setdefault(label.removesuffix(_ZERO), handle)
         top.get_legend().remove()  # type: ignore[union-attr]
     frames = [ax for pair in pairs for ax in pair]
-    legend_below(figure, frames, alone=axes is None, entries=entries, **band_title(fits[0].wv.level))
+    legend_below(figure, frames, alone=axes is None, entries=entries, **band_title(fits[0].shown))
     return figure

@@ -33,6 +33,7 @@ from gmwm_jax.plotting._style import (
 from gmwm_jax.processes.datasheet import Datasheet
 from gmwm_jax.variance.allan import FLICKER_FLOOR, AllanDeviation
 from gmwm_jax.variance.robust_comparison import RobustComparison
+from gmwm_jax.variance.stability import StabilityDeviation
 from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
 
 _COMPARED = ((DATA, "o"), (FIT, "x"), (DATASHEET, "^"))
@@ -93,7 +94,7 @@ def plot_wavelet_variance(
     figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))
     for ax, frame in zip(drawn, shown, strict=True):
         draw_datasheet(ax, draw_variances(ax, frame))
-        legend(ax, wv.level)
+        legend(ax, wv.shown)
     return figure
 
 
@@ -170,7 +171,7 @@ def plot_robust_comparison(
     put(bottom, differs, marker="o", ls="", color=FIT, ms=4)
     bottom.set_xscale(below.x.scale)
     in_standard_units(bottom)
-    legend_below(figure, (top, bottom), alone=axes is None, **band_title(comparison.classic.level))
+    legend_below(figure, (top, bottom), alone=axes is None, **band_title(comparison.classic.shown))
     return figure
 
 
@@ -202,7 +203,7 @@ def allan_deviation_data(
         items: list[Item] = []
         for i in members:
             one, label = adev[i], "overlapping Allan deviation" if len(members) == 1 else wv.channels[i]
-            items += [Band("", one.times, one.ci_low, one.ci_high), Line(label, one.times, one.deviation)]
+            items += [Band("", one.times, one.shown.low, one.shown.high), Line(label, one.times, one.deviation)]
         if regression is not None:
             times, tau = regression.adev.times, regression.adev.wv.scales
             for label, p in zip(regression.model.labels, regression.model.processes, strict=True):
@@ -213,6 +214,56 @@ def allan_deviation_data(
         time, deviation = Axis("averaging time T", "s", "log"), Axis("Allan deviation", unit, "log")
         shown.append(Frame(title_of(wv, members), time, deviation, tuple(items)))
     return tuple(shown)
+
+
+def stability_deviation_data(deviation: StabilityDeviation) -> tuple[Frame, ...]:
+    """Return what `plot_stability_deviation` shows: a frame for each unit.
+
+    Parameters
+    ----------
+    deviation
+        One or several channels.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> frames = gj.plotting.stability_deviation_data(gj.variance.hadamard_deviation(rec))
+    """
+    shown = []
+    for unit, members in members_by_unit(deviation).items():
+        items: list[Item] = []
+        for i in members:
+            one = deviation[i]
+            label = f"overlapping {deviation.kind} deviation" if len(members) == 1 else deviation.channels[i]
+            items += [Band("", one.times, one.ci_low, one.ci_high), Line(label, one.times, one.deviation)]
+        time, value = Axis("averaging time T", "s", "log"), Axis(f"{deviation.kind} deviation", unit, "log")
+        shown.append(Frame(title_of(deviation, members), time, value, tuple(items)))
+    return tuple(shown)
+
+
+@draw.register(StabilityDeviation)
+def plot_stability_deviation(deviation: StabilityDeviation, *, axes: GivenAxes | None = None) -> Figure:
+    """Plot a modified Allan or Hadamard deviation over averaging time with its confidence band.
+
+    Parameters
+    ----------
+    deviation
+        One or several channels; channels of one unit share a frame.
+    axes
+        An Axes for each unit to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> figure = gj.plotting.plot_stability_deviation(gj.variance.hadamard_deviation(rec))
+    >>> figure.savefig("hadamard_deviation.png")
+    """
+    shown = stability_deviation_data(deviation)
+    figure, drawn = frames(axes, 1, len(shown), (0.6 + 6 * len(shown), 4.6))
+    for ax, frame in zip(drawn, shown, strict=True):
+        draw_variances(ax, frame)
+        legend(ax, deviation.shown)
+    return figure
 
 
 def _read_off(adevs: list[AllanDeviation]) -> list[Item]:
@@ -282,5 +333,5 @@ def plot_allan_deviation(
             curves = [i for i in frame.items if isinstance(i, Line)][: len(bands)]
             bottom = min(lowest(b.low, c.y) for b, c in zip(bands, curves, strict=True))
             ax.set_ylim(bottom / 3, max(np.max(b.high) for b in bands) * 3)
-        legend(ax, adev.wv.level)
+        legend(ax, adev.shown)
     return figure

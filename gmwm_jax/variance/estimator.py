@@ -41,6 +41,8 @@ class Estimated(NamedTuple):
     """Degrees of freedom of each; the same for all channels where it has no axis of channels."""
     present: Bool[np.ndarray, "N *C"] | None = None
     """Which samples are there; None for a complete record."""
+    classic: Float[np.ndarray, "J *C"] | None = None
+    """The classic wavelet variance, beside a robust one."""
 
 
 class AbstractEstimator(ABC):
@@ -251,7 +253,8 @@ class Robust(AbstractEstimator):
         J = check_num_levels(data.shape[0], num_levels)
         options: dict[str, Any] = {"efficiency": self.efficiency, "scratch": scratch}
         nu = _by_channel(data, names, lambda x, name: robust_wavelet_variance(x, J, name=name, **options))
-        return Estimated(nu, degrees_of_freedom(data.shape[0], J) / widening(self.efficiency, J))
+        classic = Modwt().estimate(data, names, J, scratch=scratch).variance
+        return Estimated(nu, degrees_of_freedom(data.shape[0], J) / widening(self.efficiency, J), classic=classic)
 
     def require_fittable(self, model: Composite) -> None:
         """Raise a ValueError for a drift."""

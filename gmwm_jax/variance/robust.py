@@ -126,6 +126,16 @@ def widening(efficiency: float, num_levels: int) -> Float[np.ndarray, " J"]:
     return 1 + np.array(factors)
 
 
+def error_of_log_ratio(efficiency: float, num_samples: int, num_levels: int) -> Float[np.ndarray, " J"]:
+    """Standard error of log(classic/robust) of a clean record, level by level.
+
+    The robust estimator is the efficient one plus an error that is uncorrelated with it (Hausman 1978), to the order of
+    the powers of rho^2 beyond the first, so that the variance is the difference of both.
+    """
+    eta = degrees_of_freedom(num_samples, num_levels)
+    return np.sqrt(2 * (widening(efficiency, num_levels) - 1) / eta)
+
+
 def _octave_excess(polynomial: Float[np.ndarray, " K"], tau: int) -> float:
     """1/tau sum_h rho(h)^2 (p(rho(h)^2) - 1), with 1/tau sum_h rho(h)^2 = 1."""
     s = np.arange(1, 64 * tau) / tau

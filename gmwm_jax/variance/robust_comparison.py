@@ -18,8 +18,7 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax.recordings.outliers import OutlierRun
 from gmwm_jax.recordings.recording import Recording
-from gmwm_jax.variance.haar import degrees_of_freedom
-from gmwm_jax.variance.robust import biweight, widening
+from gmwm_jax.variance.robust import biweight, error_of_log_ratio
 from gmwm_jax.variance.wavelet import WaveletVariance, wavelet_variance
 
 _CHANCE = 0.05
@@ -145,8 +144,7 @@ def compare_robust(
     classic = wavelet_variance(record, **options)[0]
     robust = wavelet_variance(record, efficiency=efficiency, **options)[0]
     weightless, coefficients = _weightless(x.ravel(), np.asarray(robust.variance), biweight(efficiency).c)
-    eta = degrees_of_freedom(x.shape[0], robust.num_scales)
-    error = np.sqrt(2 * (widening(efficiency, robust.num_scales) - 1) / eta)
+    error = error_of_log_ratio(efficiency, x.shape[0], robust.num_scales)
     z = np.log(classic.variance / robust.variance) / error
     return RobustComparison(classic, robust, z, weightless, _runs(coefficients / np.sqrt(robust.variance[0])))
 

@@ -77,6 +77,11 @@ class StabilityDeviation(Drawable, Saved):
         columns: dict[str, Any] = {k: getattr(self, k).reshape(len(self.times), -1)[:, channel] for k in names}
         return replace(self, **columns, channels=(self.channels[channel],), units=(self.units[channel],))
 
+    @property
+    def shown(self) -> Bands:
+        """Its interval, with its degrees of freedom and where they are from."""
+        return Bands(self.ci_low, self.ci_high, self.dof, self.level, LOCAL)
+
     def __repr__(self) -> str:
         """A row a time, a column a channel (with the interval if there is only one)."""
         head = ["T [s]", *(f"{c} [{u}]" for c, u in zip(self.channels, self.units, strict=True))]
@@ -175,10 +180,21 @@ def _deviation(
             raise ValueError(f"{channel} has a {kind} variance of zero: it does not change, or is coarsely quantised.")
     variance = np.array(columns).T
     band = Bands.of(variance, local_degrees_of_freedom(statistic, N, m.astype(float), variance), level, LOCAL)
-    values = [np.sqrt(variance), np.sqrt(band.low), np.sqrt(band.high), band.dof]
-    if len(channels) == 1:
-        values = [v[:, 0] for v in values]
-    return StabilityDeviation(kind, m / f, *values, level, f, N, tuple(channels), tuple(units), name)
+    all_channels = StabilityDeviation(
+        kind,
+        m / f,
+        np.sqrt(variance),
+        np.sqrt(band.low),
+        np.sqrt(band.high),
+        band.dof,
+        level,
+        f,
+        N,
+        tuple(channels),
+        tuple(units),
+        name,
+    )
+    return all_channels[0] if len(channels) == 1 else all_channels
 
 
 def _modified(phase: Float[np.ndarray, " M"], m: int) -> float:

@@ -34,10 +34,13 @@ from gmwm_jax.variance.bands import LOCAL, WEIGHTS, Bands
 from gmwm_jax.variance.blocked import blocks_to_file
 from gmwm_jax.variance.estimator import METHODS, AbstractEstimator, as_estimator, from_shorthands
 from gmwm_jax.variance.haar import interval_factors, scales
+from gmwm_jax.variance.robust import error_of_log_ratio
 
 _INTERVALS = ("ci_low", "ci_high")
-_ARRAYS = ("variance", *_INTERVALS, "present")
+_ARRAYS = ("variance", *_INTERVALS, "present", "classic")
 """What transformations see of a wavelet variance; its scales are static."""
+_FAR, _SURE = 4.0, 4.0
+"""By which factor, and how many standard errors of a clean record, a robust variance is far below the classic one."""
 
 
 def _check(wv: "AbstractWaveletVariance") -> None:
@@ -86,6 +89,8 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
     """How it was estimated."""
     present: Bool[np.ndarray, "N *C"] | None = None
     """False where a sample is missing, see `gmwm_jax.variance.gaps`; None for a complete record."""
+    classic: Float[np.ndarray, "J *C"] | None = None
+    """The classic wavelet variance of the same record, beside a robust one."""
 
     @property
     def num_scales(self) -> int:
@@ -187,6 +192,26 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         return Bands(self.ci_low, self.ci_high, unknown, self.level, WEIGHTS)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence for each channel whose robust variance lies far below the classic one, beyond chance."""
+        if self.classic is None or self.efficiency is None or self.num_samples is None:
+            return ()
+        num, J = self.variance.reshape(self.num_scales, -1).shape[1], self.num_scales
+        ratio = (np.asarray(self.classic) / np.asarray(self.variance)).reshape(J, num)
+        error = error_of_log_ratio(self.efficiency, self.num_samples, J)
+        far = (ratio > _FAR) & (np.log(ratio) > _SURE * error[:, None])
+        unit = "s" if self.rate else "samples"
+        found = []
+        for i in np.flatnonzero(np.any(far, axis=0)):
+            j = int(np.argmax(np.where(far[:, i], ratio[:, i], 0.0)))
+            found.append(
+                f"the robust wavelet variance of {self.channels[i]} is {ratio[j, i]:.3g} times below the classic one "
+                f"at a span of {self.times[j]:.4g} {unit}: either most of that variance is outliers', or few degrees "
+                "of freedom have misled it, and fits would believe it. See gmwm_jax.variance.compare_robust"
+            )
+        return tuple(found)
+
+    @property
     def missing(self) -> str:
         """The number of missing samples in words; "" if none is missing."""
         if self.present is None:
@@ -208,7 +233,7 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
                 raise KeyError(f"No channel {channel!r}; there are {', '.join(self.channels)}.")
             channel = self.channels.index(channel)
         known = {f.name: getattr(self, f.name) for f in fields(self)}
-        columns = {k: known[k] for k in ("variance", "ci_low", "ci_high", "present") if known[k] is not None}
+        columns = {k: known[k] for k in ("variance", "ci_low", "ci_high", "present", "classic") if known[k] is not None}
         if self.variance.ndim > 1:
             known |= {k: np.ascontiguousarray(v[:, channel]) for k, v in columns.items()}
         return WaveletVariance(**{**known, "channels": (self.channels[channel],), "units": (self.units[channel],)})
@@ -272,11 +297,12 @@ class AbstractWaveletVariance(Drawable, Saved, Labelled):
         samples = f", {self.num_samples} samples{missing}" if self.num_samples else ""
         rate = f" at {self.rate:g} Hz" if self.rate else ""
         table = format_table(head, [[number(x) for x in row] for row in columns], left=0)
+        foot += "".join(f"\nwarning: {text}" for text in self.warnings)
         return f"{self.estimator.title}Haar wavelet variance of {what}{samples}{rate}\n{table}{foot}"
 
 
 @pytree(*_ARRAYS)
-@saved(not_finite=_INTERVALS, check=_check)
+@saved(not_finite=_INTERVALS, added=("classic",), check=_check)
 @dataclass(frozen=True, repr=False)
 class WaveletVariance(AbstractWaveletVariance):
     """The Haar wavelet variance of one channel, in arrays of shape (J,), or of C channels, (J, C)."""
@@ -416,7 +442,7 @@ class WaveletVariance(AbstractWaveletVariance):
 
 
 @pytree(*_ARRAYS)
-@saved(not_finite=_INTERVALS, check=_check)
+@saved(not_finite=_INTERVALS, added=("classic",), check=_check)
 @dataclass(frozen=True, repr=False)
 class WaveletVariances(AbstractWaveletVariance):
     """Haar wavelet variances of C channels, arrays of shape (J, C); ``wv["gyro_x"]`` is that of one."""
@@ -529,13 +555,13 @@ def wavelet_variance(
 
     if chosen.bears_gaps and not np.any(np.isnan(data)):
         chosen = chosen.of_complete
-    nu, dof, present = chosen.estimate(data, channels, num_levels, scratch=scratch)
+    nu, dof, present, classic = chosen.estimate(data, channels, num_levels, scratch=scratch)
     low, high = interval_factors(dof, level)
     if low.ndim < nu.ndim:
         low, high = low[:, None], high[:, None]
     values = (scales(len(nu)), nu, nu * low, nu * high, data.shape[0], level, rate)
     several = WaveletVariance if nu.ndim == 1 else WaveletVariances
-    return several(*values, tuple(channels), tuple(units), name, chosen, present)
+    return several(*values, tuple(channels), tuple(units), name, chosen, present, classic)
 
 
 def _as_array(record: Any) -> np.ndarray:

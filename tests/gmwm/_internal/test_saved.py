@@ -167,10 +167,11 @@ def test_files_know_these_classes():
     assert own == [
         f"gmwm_jax.{name}"
         for name in (
-            "AbstractProcess", "AllanDeviation", "Bootstrap", "Candidate", "Channels", "Coefficients", "Composite",
-            "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given", "GoodnessOfFit", "Iterated", "JointFit",
-            "MeanOfRecords", "ModelScore", "Modwt", "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread",
-            "RecordComparison", "Regression", "Robust", "RobustComparison", "Selection", "TwoStep", "WaveletVariance",
+            "AbstractProcess", "AllanDeviation", "Bands", "Bootstrap", "Candidate", "Channels",
+            "Coefficients", "Composite", "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given",
+            "GoodnessOfFit", "Iterated", "JointFit", "MeanOfRecords", "ModelScore", "Modwt",
+            "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "RecordComparison", "Regression",
+            "Robust", "RobustComparison", "Selection", "StabilityDeviation", "TwoStep", "WaveletVariance",
             "WaveletVariances",
         )
     ]  # fmt: skip

@@ -103,12 +103,12 @@ def test_wavelet_variance_of_one_channel(wv):
     assert_log_log(ax)
     assert_line(ax, "wavelet variance", one.times, one.variance)
     assert_line(ax, "datasheet", one.times, np.asarray(DATASHEET.wavelet_variance(one.scales)))
-    assert_band(ax, one.times, one.ci_low, one.ci_high)
+    assert_band(ax, one.times, one.bands().low, one.bands().high)
     assert ax.get_xlabel() == "scale τ [s]"
     assert ax.get_ylabel() == "wavelet variance [(rad/s)²]"
     assert ax.get_title() == "simulated mti-g, gyro_x"
     assert legend(ax) == ["wavelet variance", "datasheet"]
-    assert ax.get_legend().get_title().get_text() == "band: 95 % interval"
+    assert ax.get_legend().get_title().get_text() == "band: 95 % interval, local power law"
 
 
 def test_wavelet_variance_of_channels_in_a_frame_a_unit(wv):
@@ -118,7 +118,7 @@ def test_wavelet_variance_of_channels_in_a_frame_a_unit(wv):
     assert_line(gyro, "gyro_x", wv.times, wv.variance[:, 0])
     assert_line(gyro, "gyro_y", wv.times, wv.variance[:, 1])
     assert_line(accel, "wavelet variance", wv.times, wv.variance[:, 2])
-    assert_band(gyro, wv.times, wv.ci_low[:, 1], wv.ci_high[:, 1], position=1)
+    assert_band(gyro, wv.times, wv.bands().low[:, 1], wv.bands().high[:, 1], position=1)
     assert accel.get_ylabel() == "wavelet variance [(m/s²)²]"
     assert accel.get_title() == "simulated mti-g, accel_x"
     assert line(gyro, "gyro_x").get_color() != line(gyro, "gyro_y").get_color()
@@ -176,7 +176,7 @@ def test_allan_deviation(wv):
     assert_line(gyro, "gyro_y", adev.times, np.sqrt(2 * wv.variance[:, 1]))
     assert_line(accel, "overlapping Allan deviation", wv.scales / 200, np.sqrt(2 * wv.variance[:, 2]))
     one = adev["accel_x"]
-    assert_band(accel, one.times, one.ci_low, one.ci_high)
+    assert_band(accel, one.times, one.bands().low, one.bands().high)
 
 
 def test_what_is_read_off_the_allan_deviation_is_drawn(wv):
@@ -222,7 +222,8 @@ def test_fit(fits):
     assert_log_log(top)
     wv = fit.wv
     assert_line(top, "wavelet variance", wv.times, wv.variance)
-    assert_band(top, wv.times, wv.ci_low, wv.ci_high)
+    band = fit.wv.bands(fit.model)
+    assert_band(top, wv.times, band.low, band.high)
     curve = line(top, "fit")
     at = np.searchsorted(curve.get_xdata(), wv.times * (1 - 1e-9))[[0, -1]]
     np.testing.assert_allclose(curve.get_xdata()[at], wv.times[[0, -1]], rtol=1e-12)
@@ -241,12 +242,12 @@ def test_fit(fits):
     assert bottom.get_xlabel() == "scale τ [s]"
     assert bottom.get_ylabel() == "residual\n[half CI]"
     # within +-1 exactly where the fitted curve runs inside the band
-    inside = (wv.ci_low < fit.fitted) & (fit.fitted < wv.ci_high)
+    inside = (band.low < fit.fitted) & (fit.fitted < band.high)
     np.testing.assert_array_equal(np.abs(bottom.lines[-1].get_ydata()) < 1, inside)
     np.testing.assert_array_equal(np.sign(bottom.lines[-1].get_ydata()), np.sign(wv.variance - fit.fitted))
     low, high = top.get_ylim()
-    assert low < wv.ci_low.min()
-    assert high > wv.ci_high.max()
+    assert low < band.low.min()
+    assert high > band.high.max()
 
 
 def test_fit_says_which_components_are_zero():
@@ -304,7 +305,7 @@ def test_data_of_a_fit_are_those_of_the_result(fits):
     above, below = plotting.fit_data(fit)
     assert (above.x, above.y.unit, below.y.unit) == (("scale τ", "s", "log", ()), "(m/s^2)^2", "half CI")
     band, data, model, *parts = above.items
-    np.testing.assert_array_equal(band.high, fit.wv.ci_high)
+    np.testing.assert_array_equal(band.high, fit.wv.bands(fit.model).high)
     np.testing.assert_array_equal(data.y, fit.wv.variance)
     np.testing.assert_allclose(sum(part.y for part in parts if len(part.y)), model.y, rtol=1e-10)
     panels = plotting.fits_data(fits)

@@ -148,4 +148,4 @@ def test_prints_as_a_table():
     text = repr(exact("WN(sigma2=1)", 2.0, levels=3))
     assert text.startswith("Overlapping Allan deviation at 2 Hz")
     assert "gyro_x [rad/s]" in text
-    assert len(text.splitlines()) == 6
+    assert len(text.splitlines()) == 7

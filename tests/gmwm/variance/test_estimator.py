@@ -84,7 +84,7 @@ def test_every_estimator_says_what_it_knows():
     model = gj.parse_model("WN(sigma2=1.0)")
     for name, estimator in METHODS.items():
         data = GAPPY if estimator.bears_gaps else X
-        nu, dof, present = estimator.estimate(data, ("x",), 5)
+        nu, dof, present, _ = estimator.estimate(data, ("x",), 5)
         assert isinstance(estimator.estimate(data, ("x",), 5), Estimated)
         assert nu.shape == (5,)
         assert np.all(dof >= 1)
