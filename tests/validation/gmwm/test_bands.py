@@ -14,7 +14,7 @@ import gmwm_jax as gj
 from gmwm_jax.processes.simulation import simulate_each
 from gmwm_jax.variance.wavelet import WaveletVariances
 
-NUM = 2000
+NUM = 1000
 TRUTHS = {
     "WN(sigma2=1.0)": 0.98,
     "RW(gamma2=1.0)": 0.98,
@@ -25,9 +25,9 @@ TRUTHS = {
 """Text -> the highest coverage that is allowed."""
 
 
-def records(text, num_samples):
+def records(text, num_samples, num=NUM):
     return np.asarray(
-        simulate_each(gj.parse_model(text), jax.random.split(jax.random.key(num_samples), NUM), num_samples)
+        simulate_each(gj.parse_model(text), jax.random.split(jax.random.key(num_samples), num), num_samples)
     )
 
 
@@ -56,11 +56,11 @@ def test_bands_of_wavelet_variances_cover(text, num_samples, judge):
 @pytest.mark.parametrize("text", ["WN(sigma2=1.0)", "RW(gamma2=1.0)"])
 def test_intervals_of_other_deviations_cover(kind, text, judge):
     """The truth is the mean of the variances of all records."""
-    x = records(text, 1500)
-    found = getattr(gj.variance, kind)(x.T[:, :1000], rate=1.0)
-    truth = np.sqrt(np.mean(getattr(gj.variance, kind)(x.T[:, 1000:], rate=1.0).deviation ** 2, axis=1))[:, None]
+    x = records(text, 1500, 2 * NUM)
+    found = getattr(gj.variance, kind)(x.T[:, :NUM], rate=1.0)
+    truth = np.sqrt(np.mean(getattr(gj.variance, kind)(x.T[:, NUM:], rate=1.0).deviation ** 2, axis=1))[:, None]
     covered = np.mean((found.ci_low <= truth) & (truth <= found.ci_high), axis=1)
-    judge(f"{text}: coverage of {kind}", covered, 0.92, 0.98, num_draws=1000)
+    judge(f"{text}: coverage of {kind}", covered, 0.92, 0.98, num_draws=NUM)
 
 
 def test_allantools_has_the_same_deviations_of_a_long_record():
