@@ -99,7 +99,7 @@ def wv(
     write_json(json_file, content)
 
 
-def _nominal(shown: gj.variance.Bands) -> dict[str, Any]:
+def _nominal(shown: Any) -> dict[str, Any]:
     """Intervals at their nominal level for JSON, where they are known."""
     known = {"nominal_low": shown.low, "nominal_high": shown.high, "dof": shown.dof, "dof_of": shown.basis}
     return known if shown.nominal else {}
