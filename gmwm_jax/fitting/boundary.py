@@ -71,6 +71,8 @@ _FAR = 4.0
 _GONE = -700.0
 """The log of an amplitude of zero, for programs."""
 _SECANTS = 2
+_STEEPEST = 5.0
+"""Of z b: beyond it an amplitude without bound."""
 _FALLS = 0.02
 """Of z, by which a score on its way up may fall by rounding."""
 
@@ -154,6 +156,10 @@ class Boundary:
     @cached_property
     def ends(self) -> tuple[Float[np.ndarray, " Q"], Float[np.ndarray, " Q"]]:
         """Both ends of all intervals; NaN where there is none."""
+        with np.errstate(all="ignore"):
+            return self._ends()
+
+    def _ends(self) -> tuple[Float[np.ndarray, " Q"], Float[np.ndarray, " Q"]]:
         x, errors = self._here.values[0], np.sqrt(np.diag(self.covariance))
         none = ~(errors > 0)
         low, high = (np.where(none, np.nan, x + sign * self._z * errors) for sign in (-1, 1))
@@ -179,6 +185,11 @@ class Boundary:
 
     def root_sum_of_squares(self, at: list[int]) -> tuple[float, float]:
         """The interval of the root of the sum of squares of quantities of which these are the logs."""
+        with np.errstate(all="ignore"):
+            low, high = self._root_sum_of_squares(at)
+            return float(np.exp(low[0])), float(np.exp(high[0]))
+
+    def _root_sum_of_squares(self, at: list[int]) -> tuple[np.ndarray, np.ndarray]:
         if len(at) == 1:
             low, high = (end[at] for end in self.ends)
         else:
@@ -189,8 +200,7 @@ class Boundary:
                 own = [root_sum_of_squares(v, C, at) for v, C in zip(run.values, run.covariance, strict=True)]
                 values, sd = np.array(own).reshape(-1, 2).T[:, :, None]
                 low, high = self._reached(run, x, errors, low, high, np.log(values), sd)
-        with np.errstate(over="ignore"):
-            return float(np.exp(low[0])), float(np.exp(high[0]))
+        return low, high
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "Q Q"]:
@@ -292,6 +302,10 @@ class Boundary:
     @cached_property
     def runs(self) -> tuple[Run, ...]:
         """One for each component that is at a boundary, or whose shape is hardly known."""
+        with np.errstate(all="ignore"):  # what has no bound is infinite
+            return self._runs()
+
+    def _runs(self) -> tuple[Run, ...]:
         zero = [self._run_of_zero(i) for i in range(len(self._own)) if self._runs_zero(i)]
         return (*zero, *(self._run_of_shape(i) for i in range(len(self._own)) if self._runs_shape(i)))
 
@@ -302,7 +316,7 @@ class Boundary:
 
         def at(shapes: list[tuple[float, ...]], amplitudes: Any) -> tuple[ConditionalFits, np.ndarray, np.ndarray]:
             found = self._fits(self._places(i, shapes, amplitudes), self._free, tested)
-            score, error = self._scores(found, tested)
+            score, error = self._distances(found, tested)
             return found, np.abs(score), error * amplitudes / _power(self._processes[i])
 
         found, _, a = at(shapes, _SMALL * alone)
@@ -311,7 +325,7 @@ class Boundary:
         _, _, sd = at(shapes, z * a)
         # sd^2 = a^2 + b^2 c^2
         b = np.sqrt(np.maximum(sd**2 / a**2 - 1, 1e-12)) / z
-        most = a / b * np.sinh(z * b)
+        most = a / b * np.sinh(np.minimum(z * b, _STEEPEST))
         if len(shapes) == 1:
             most = self._amplitudes_left(lambda c: at(shapes * _PLACES, c)[1], float(alone[0]), float(most[0]))
             shapes = shapes * len(most)
@@ -361,8 +375,9 @@ class Boundary:
         variance = _amplitude(p) * self._units(i, [own])[0] @ self._whitener.T
         amplitudes = units @ variance / np.sum(units * units, axis=1)
         found = self._fits(self._places(i, shapes, amplitudes), self._free, tested)
-        score, _ = self._scores(found, tested)
+        score, _ = self._distances(found, tested)
         score = np.where(found.unseen[:, tested] | ~np.isfinite(score), 0.0, np.abs(score))
+        score = np.where(np.isinf(found.values).any(axis=1), np.inf, score)
         line = np.array([self._lines[tested], *(p.to_lines((s, 1.0))[0] for (s,) in shapes)], dtype=float)
         limit = p.limit_of(own, tau_max)
         if limit:  # it lies beyond the places
@@ -392,6 +407,8 @@ class Boundary:
                 found.append((values[k], covariance[k], score[k], rising))
             if not 0 <= k + step < len(score):
                 return found, True
+            if np.isinf(values[k + step]).any():  # it is gone there
+                return found, False
             w = (z - score[k]) / (score[k + step] - score[k])
             return [*found, (values[k] + w * (values[k + step] - values[k]), covariance[k], z, rising)], False
 
@@ -400,12 +417,21 @@ class Boundary:
         values, covariance, score, near = (np.array(c) for c in zip(*places, strict=True))
         return Run(i, False, values, covariance, score, (low_open, high_open), near)
 
-    def _scores(self, found: ConditionalFits, tested: int) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
-        """What the estimate is from each place in standard deviations of the tested parameter, and these."""
-        row = found.whole[:, tested]
+    def _distances(
+        self, found: ConditionalFits, tested: int
+    ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+        """How far the estimate is from each place in standard deviations of the tested parameter, and these.
+
+        By the score of the place. Far away that loses sight of the estimate, where the root of the objective does not:
+        the two are equal where all is linear, and the latter, which is never less, counts by half.
+        """
+        row, off = found.whole[:, tested], self._fitted - found.fitted
+        flat = np.linalg.solve(self._whitener.T, row.T)
         error = np.sqrt(np.einsum("nj,njk,nk->n", row, self._V_at(found), row))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.einsum("nj,nj->n", row, self._fitted - found.fitted) / error, error
+            score = np.abs(np.einsum("nj,nj->n", row, off)) / error
+            root = np.linalg.norm(off @ self._whitener.T, axis=1) * np.linalg.norm(flat, axis=0) / error
+        return np.maximum(score, root / 2), error
 
     def _V_at(self, found: ConditionalFits) -> Float[np.ndarray, "N J J"]:
         """Covariance of the wavelet variance: that of the fit, scaled as the variances are; see `intervals`."""

@@ -21,6 +21,8 @@ _RANK_TOLERANCE = 1e-8
 """Of the singular values of the whitened derivative: beyond it no data tell two parameters apart."""
 _NUM_STEPS, _LONGEST_STEP = 12, 1.0
 """Of Gauss and Newton, from a minimum to one beside it; on the log scale."""
+_SETTLED = 1e-6
+"""The step, on that scale, after which there is no other."""
 
 
 def parameter_covariance(
@@ -242,13 +244,18 @@ def conditional_fits(
     def moved(eta: Array) -> Array:
         return quantity(model.with_unconstrained(eta))
 
-    def step(_: Any, eta: Array) -> Array:
+    def step(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        eta, _, count = state
         A = jnp.where(free[None, :], jax.jacfwd(variance)(eta), 0.0)
         move = _estimator(A, whitener)[0] @ (target - variance(eta))
-        return eta + jnp.clip(jnp.where(jnp.isfinite(move), move, 0.0), -_LONGEST_STEP, _LONGEST_STEP)
+        move = jnp.clip(jnp.where(jnp.isfinite(move), move, 0.0), -_LONGEST_STEP, _LONGEST_STEP)
+        return eta + move, jnp.max(jnp.abs(move)), count + 1
+
+    def moves(state: tuple[Array, Array, Array]) -> Array:
+        return (state[1] > _SETTLED) & (state[2] < _NUM_STEPS)
 
     def at(place: Array) -> ConditionalFits:
-        eta = lax.fori_loop(0, _NUM_STEPS, step, place)
+        eta, *_ = lax.while_loop(moves, step, (place, jnp.asarray(jnp.inf), jnp.asarray(0)))
         A = jax.jacfwd(variance)(eta)
         held, _ = _estimator(jnp.where(free[None, :], A, 0.0), whitener)
         whole, unseen = _estimator(jnp.where((free | tested)[None, :], A, 0.0), whitener)

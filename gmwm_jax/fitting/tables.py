@@ -112,12 +112,14 @@ def parameter_table(
         Both ends of the intervals on the real line, where these are not symmetric: see `gmwm_jax.fitting.boundary`.
     """
     spread = z * errors
+    # next to zero a logarithm has any error, and the interval that begins at zero knows it
+    widest = _WIDEST if ends is None else np.inf
     estimates, at = [], 0
     for label, p in zip(model.labels, model.processes, strict=True):
         for i, (q, value) in enumerate(zip(p.parameters, p.values, strict=True)):
             note = _outcome(boundary.get(label, Outcome.ESTIMATED), p, (i,), q.determined_at)
             low = high = np.nan
-            if _is_confused(spread, at, note):
+            if _is_confused(spread, at, note, widest):
                 note = Outcome.NOT_TOLD_APART
             elif ends is not None:
                 low, high = (float(q.from_line(end[at])) for end in ends)
@@ -187,6 +189,7 @@ def continuous_table(
     else:
         values, sd = errors(logs)
     values, spread = np.exp(values), np.broadcast_to(z * sd, values.shape)
+    widest = _WIDEST if ends is None else np.inf
     estimates, remarks, at = [], [], -1
     for label, p in zip(model.labels, model.processes, strict=True):
         form = p.continuous
@@ -199,7 +202,7 @@ def continuous_table(
             if of_datasheet != datasheet and not q.in_both:
                 continue
             note = _outcome((boundary or {}).get(label, Outcome.ESTIMATED), p, q.reads, q.determined_at)
-            if _is_confused(spread, at, note):
+            if _is_confused(spread, at, note, widest):
                 note = Outcome.NOT_TOLD_APART
             value, factor = float(values[at]), np.exp(spread[at]) if 0 < spread[at] < _WIDEST else np.nan
             low, high = value / factor, value * factor
@@ -242,9 +245,9 @@ class LogQuantities:
         return jnp.log(jnp.array([q.value(*p.values, self.rate) for p, qs in pairs for q in qs]))
 
 
-def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: Outcome) -> bool:
+def _is_confused(spread: Float[np.ndarray, " P"], at: int, note: Outcome, widest: float) -> bool:
     """Was it estimated, and has it no error while others have one?"""
-    return note is Outcome.ESTIMATED and bool(np.any(spread > 0)) and not bool(spread[at] < _WIDEST)
+    return note is Outcome.ESTIMATED and bool(np.any(spread > 0)) and not bool(spread[at] < widest)
 
 
 def _outcome(boundary: Outcome, process: AbstractProcess, reads: tuple[int, ...], determined_at: Limit) -> Outcome:
