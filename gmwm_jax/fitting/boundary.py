@@ -71,6 +71,8 @@ _FAR = 4.0
 _GONE = -700.0
 """The log of an amplitude of zero, for programs."""
 _SECANTS = 2
+_WIDEST = 30.0
+"""Half width, on the log scale, of the widest interval that says anything: a factor of 1e13 either way."""
 _STEEPEST = 5.0
 """Of z b: beyond it an amplitude without bound."""
 _FALLS = 0.02
@@ -180,7 +182,8 @@ class Boundary:
             if run.of_zero:
                 low[own], high[own] = self._of_zero(run, own)
         # what may be anything has no interval
-        none = np.isneginf(low) & np.isposinf(high)
+        inside = np.array([not self._outcome(e.component).at_boundary for e in self._entries])
+        none = (low < x - _WIDEST) & (high > x + _WIDEST) & inside | np.isneginf(low) & np.isposinf(high)
         return np.where(none, np.nan, low), np.where(none, np.nan, high)
 
     def root_sum_of_squares(self, at: list[int]) -> tuple[float, float]:

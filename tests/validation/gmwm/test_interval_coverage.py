@@ -8,6 +8,7 @@ and why. Records that print no interval of a quantity, because it may be anythin
 """
 
 import warnings
+from typing import Any
 
 import jax
 import numpy as np
@@ -94,7 +95,7 @@ def coverage(rows):
 def test_intervals_of_theory_cover(case, judge):
     truth, num_samples, model = CASES[case]
     truth = gj.parse_model(truth)
-    fits = gj.fit(drawn_channels(truth, num_samples, NUM, 7), model, weights="two-step", throw=False)
+    fits: Any = gj.fit(drawn_channels(truth, num_samples, NUM, 7), model, weights="two-step", throw=False)
     values = values_of(truth)
     rows = [covers(((f.parameters(), ""), (f.continuous(), " (SI)")), values) for f in fits.values()]
     at_boundary = np.array([bool(f.at_boundary) for f in fits.values()])
@@ -124,7 +125,7 @@ def test_percentiles_cover(case, judge):
     num, level = 150, 0.9
     truth, num_samples, model = CASES[case]
     truth = gj.parse_model(truth)
-    fits = gj.fit(drawn_channels(truth, num_samples, num, 11), model, weights="two-step", throw=False)
+    fits: Any = gj.fit(drawn_channels(truth, num_samples, num, 11), model, weights="two-step", throw=False)
     values, rows = values_of(truth), []
     for i, f in enumerate(fits.values()):
         boot = gj.bootstrap(f, 100, key=jax.random.fold_in(jax.random.key(3), i))
@@ -141,7 +142,7 @@ def test_simulated_records_are_covered_too(judge):
     truth, num = gj.parse_model(truth), 300
     keys = jax.random.split(jax.random.key(8), num)
     x = np.stack([np.asarray(gj.simulate(truth, num_samples, key=key)) for key in keys], axis=1)
-    fits = gj.fit(gj.wavelet_variance(x, rate=RATE), model, throw=False)
+    fits: Any = gj.fit(gj.wavelet_variance(x, rate=RATE), model, throw=False)
     rows = [covers(((f.parameters(), ""),), values_of(truth)) for f in fits.values()]
     at_boundary = np.array([bool(f.at_boundary) for f in fits.values()])
     assert 0.2 < at_boundary.mean() < 0.5
