@@ -7,8 +7,8 @@ $ gmwm-jax fit imu.npz --channels gyro_x,accel_x --model "WN + RW + GM" --plot f
 Datasheet units (at 100 Hz)
 component  quantity   estimate  95 % low       high           unit
 ---------  --------  ---------  --------  ---------  -------------
-WN         N            44.602     23.93     83.133    ug/sqrt(Hz)
-RW         K            13.669    9.2769      20.14  m/s/h/sqrt(h)
+WN         N            44.602         0     73.537    ug/sqrt(Hz)
+RW         K            13.669     8.145      20.14  m/s/h/sqrt(h)
 ...
 GMWM fits, parameters per sample
 channel  unit   objective     search  p of fit   WN.sigma2   RW.gamma2  GM.beta  GM.variance
