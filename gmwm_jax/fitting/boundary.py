@@ -206,6 +206,40 @@ class Boundary:
         return low, high
 
     @cached_property
+    def lifted(self) -> Composite:
+        """The model with next to no variance for the components at zero that have no shape: they have logarithms."""
+        processes = list(self._processes)
+        for run in self._runs_to_zero:
+            p, last = processes[run.component], self._own[run.component].stop - 1
+            build: Any = type(p)
+            processes[run.component] = build(**{p.parameters[-1].name: p.parameters[-1].from_line(run.values[0, last])})
+        return Composite(processes)
+
+    def moves(self, rng: np.random.Generator, num: int) -> Float[np.ndarray, "D P"]:
+        """Parameters on the real line less those of `lifted`, drawn for what the components at zero may be.
+
+        An amplitude is half a normal variable, as far as the estimate at zero leaves it, and the others go along.
+        """
+        found = np.zeros((num, len(self._lines)))
+        for run in self._runs_to_zero:
+            last, end = self._own[run.component].stop - 1, run.values[-1, : len(self._lines)]
+            size = np.abs(rng.standard_normal(num)) / self._z
+            found += size[:, None] * (end - self._here.values[0, : len(self._lines)])
+            found[:, last] = end[last] - run.values[0, last] + _power(self._processes[run.component]) * np.log(size)
+        return np.where(self._free | np.isin(np.arange(len(self._lines)), self._zero_lines), found, 0.0)
+
+    @property
+    def _zero_lines(self) -> list[int]:
+        return [self._own[run.component].stop - 1 for run in self._runs_to_zero]
+
+    @property
+    def _runs_to_zero(self) -> list[Run]:
+        """Of components without a shape, where lines are those of single parameters."""
+        if any(p.num_coordinates > 1 for p in self._processes):
+            return []
+        return [r for r in self.runs if r.of_zero and len(r.values) and not self._processes[r.component].shape]
+
+    @cached_property
     def covariance(self) -> Float[np.ndarray, "Q Q"]:
         """Of all quantities, components at a boundary held there; NaN for those without a standard error."""
         C = self._C

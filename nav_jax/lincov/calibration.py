@@ -32,6 +32,8 @@ from nav_jax.lincov.covariance import covariances_of_many, motion_of, noise_of
 from nav_jax.lincov.derivatives import rms_of
 from nav_jax.statistics.epochs import Judged
 
+_ZERO = "at boundary: zero"
+"""What a fit says of a component that is zero."""
 _AT_ONCE = 16
 """Draws in one vectorised call."""
 
@@ -135,7 +137,9 @@ def calibration_effect(
         Trajectory, aiding, start and Earth; the filter knows of its start what is true.
     accel, gyro
         What `gmwm_jax` has found: a fit or its bootstrap, one for all axes, or three of them. Of a fit, parameters are
-        drawn from the normal distribution of its estimates on the real line; of a bootstrap, its replicates are.
+        drawn from the normal distribution of its estimates on the real line; of a bootstrap, its replicates are. A
+        component at zero (without a shape) is drawn as far from zero as the recording leaves it, and the others go
+        along.
     key
         ``jax.random.key(seed)``.
     num_draws
@@ -163,7 +167,8 @@ def calibration_effect(
     num_draws = integer("num_draws", num_draws, 20)
     results = [*_per_axis(accel), *_per_axis(gyro)]
     fits = [getattr(r, "fit", r) for r in results]
-    errors = ImuErrors([f.model for f in fits[:3]], [f.model for f in fits[3:]], _rate(fits), **options)
+    models = [_model(f) for f in fits]
+    errors = ImuErrors(models[:3], models[3:], _rate(fits), **options)
     lines = ErrorLines(errors)
     draws, covariance = _draws(lines, results, fits, key, num_draws)
     setup = Setup(scenario, errors.rate)
@@ -267,6 +272,8 @@ def _draws(
                     f"model without it, {fit.reduced!r}."
                 )
             deviation = rng.multivariate_normal(np.zeros(len(C)), C, size=num, method="eigh")
+            if near := fit.boundary():
+                deviation += near.moves(rng, num)[:, kept]
         else:
             chosen = result.good[rng.integers(0, len(result.good), size=num)]
             deviation = _on_lines(fit.model, chosen)[:, kept] - start[part]
@@ -278,13 +285,21 @@ def _draws(
     return draws, covariance
 
 
+def _model(fit: Any) -> Any:
+    """The model of a fit, with next to nothing for components at zero: the truth may have a little of them."""
+    near = None if fit.covariance is None else fit.boundary()
+    return fit.model if near is None else near.lifted
+
+
 def _kept_parameters(fit: Any) -> list[int]:
-    """Positions of the parameters of components that are not zero."""
+    """Positions of the parameters of components that are not zero, or may be other than zero."""
     kept, at = [], 0
-    for label, process in zip(fit.model.labels, fit.model.processes, strict=True):
+    model = _model(fit)
+    for label, process in zip(model.labels, model.processes, strict=True):
         size = len(process.parameters)
         if float(process.amplitude) > 0:
-            if note := fit.at_boundary.get(label):
+            note = fit.at_boundary.get(label)
+            if note and note != _ZERO:
                 raise ValueError(
                     f"{label} of a fit is at its limit ({note}), where it has no distribution: fit the model that the "
                     f"data show, {fit.reduced!r}."

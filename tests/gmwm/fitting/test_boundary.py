@@ -145,3 +145,16 @@ def test_a_component_at_zero_with_shapes_to_choose():
             assert e.value == pytest.approx(known.value, rel=1e-4)
             assert e.ci_low <= known.ci_low * (1 + 1e-4)
             assert e.ci_high >= known.ci_high * (1 - 1e-4)
+
+
+def test_draws_of_a_component_at_zero_reach_to_its_limit():
+    """Of half a normal variable 95 % lie below the two-sided quantile of 95 %; white noise gives way."""
+    fit = fit_of("WN(sigma2=1e-4)", "WN + RW", relative=-0.1 * (np.arange(13) > 8))
+    assert fit.at_boundary == {"RW": "at boundary: zero"}
+    near = fit.boundary()
+    assert near is not None
+    start = np.asarray(near.lifted.unconstrained())
+    moved = start + near.moves(np.random.default_rng(0), 20_000)
+    assert np.quantile(np.exp(moved[:, 1]), 0.95) == pytest.approx(fit.parameters()["RW", "gamma2"].ci_high, rel=0.03)
+    assert start[0] == pytest.approx(np.log(fit.parameters()["WN", "sigma2"].value))
+    assert np.all(moved[:, 0] <= start[0] + 1e-9)
