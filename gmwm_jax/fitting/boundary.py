@@ -7,9 +7,9 @@ zero an autoregression of phi = 0.3 held its truth in 32 of 76 intervals for phi
 What is known. Let c >= 0 be the amplitude, and let the *signed* estimate c_s, which may be negative, be normal with the
 standard deviation a (`parameter_covariance` without the constraint). To first order the estimate is the projection of
 the signed one onto the cone c >= 0, and the others move with it, theta = theta_s + K (c_s - c) (Chernoff 1954; Self &
-Liang 1987; Andrews 1999). Its distribution depends on the true c, which no estimate at zero tells: quantiles of the one
-under c = 0 lie on the wrong side of theta for a c above zero, and no bootstrap is uniformly right (Andrews 2000). What is
-uniform is to invert a test: all values that data would not reject (Mikusheva 2007 calls it so for roots near one).
+Liang 1987; Andrews 1999). Its distribution depends on the true c, which no estimate at zero tells: the errors under c = 0,
+taken off the estimate, lie on the wrong side of it for a c above zero, and no bootstrap is uniformly right (Andrews
+2000). What is uniform is to invert a test: all values that data would not reject (Mikusheva 2007, for autoregressions).
 
 Hence, z the normal quantile of the level:
 
@@ -30,10 +30,14 @@ Hence, z the normal quantile of the level:
   is sd(c)^2 = a^2 + b^2 c^2, with a from all the others and b from its own noise. It has the interval of the transformed
   asinh(b c/a)/b, which is that of log c for large c and of c itself for small, ending at zero.
 
+Far from the estimate the score loses sight of it: there half of the root of the objective stands for it. Where the score
+falls again on the way, the component has come to play the part of another one, and only its own interval goes on.
+
 Elsewhere nothing changes. To first order the coverage is 95 % in the interior and up to 97.5 % where the truth is at or
-near zero. Other candidates, by the same 15 sets of 200 wavelet variances drawn from theory: standard errors with the
-zero known cover 54 to 82 % in the example above; quantiles of the projected normal need the true c; the signed fit's
-covariance around the estimate covers, with intervals twice as long on the side where nothing can be.
+near zero; `tests/validation/gmwm/test_interval_coverage.py` has the table. Other candidates: standard errors with the
+zero known cover 54 to 84 % over all records of the example above, as 200 wavelet variances drawn from theory have it;
+the projected normal has to be told the true c; the covariance of the signed fit around the estimate is the same on
+the side to which the others run, and as long on the other side, where nothing can be.
 
 Not covered: what a component with a shape does that it has found by chance. Where its true amplitude is zero, its shape
 has no true value, and the largest of many scores is not normal (Davies 1987): `gmwm_jax.inference.select` tells whether
