@@ -58,6 +58,12 @@ from gmwm_jax.fitting.estimation import estimate as estimate
 from gmwm_jax.fitting.estimator import fit as fit
 from gmwm_jax.fitting.estimator import objective as objective
 from gmwm_jax.fitting.outcome import Outcome as Outcome
+from gmwm_jax.fitting.posterior import Constraint as Constraint
+from gmwm_jax.fitting.posterior import LogDensity as LogDensity
+from gmwm_jax.fitting.posterior import Posterior as Posterior
+from gmwm_jax.fitting.posterior import Prior as Prior
+from gmwm_jax.fitting.posterior import posterior as posterior
+from gmwm_jax.fitting.posterior import posterior_mode as posterior_mode
 from gmwm_jax.fitting.result import Fit as Fit
 from gmwm_jax.fitting.result import Status as Status
 from gmwm_jax.fitting.slopes import SlopeRegression as SlopeRegression

@@ -14,7 +14,7 @@ take them from there.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
@@ -221,6 +221,68 @@ class Given(AbstractWeights):
                 "are zero."
             )
         return omega
+
+
+@saved()
+@dataclass(frozen=True)
+class Within(AbstractWeights):
+    """Other weights, at the scales within a range of time; the others are left out.
+
+    The objective and the estimates are those of the scales within; intervals and the test of fit know that the others
+    were not used.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> short = gj.fit(wv, "WN", weights=gj.fitting.weights.Within(longest=0.2))
+    >>> int((np.diag(short.omega) > 0).sum())
+    4
+    """
+
+    name: ClassVar[str] = "within"
+    shortest: float = 0.0
+    """Of the spans of the filters, in seconds; in samples where the rate is not known."""
+    longest: float = np.inf
+    of: AbstractWeights = Default()
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.shortest < self.longest:
+            raise ValueError(f"The range of spans is empty: {self.shortest} to {self.longest}.")
+
+    # what they ask for is what the others ask for, and a first fit is within the same range
+
+    @property
+    def needs_theory(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `AbstractWeights`."""
+        return self.of.needs_theory
+
+    @property
+    def inverts_covariance(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `AbstractWeights`."""
+        return self.of.inverts_covariance
+
+    @property
+    def num_rounds(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `AbstractWeights`."""
+        return self.of.num_rounds
+
+    @property
+    def first(self) -> AbstractWeights | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `AbstractWeights`."""
+        return None if self.of.first is None else replace(self, of=self.of.first)
+
+    def omega(self, wv: WaveletVariance, model: Composite | None = None, V: Any = None) -> Float[Numbers, "J J"]:
+        """Omega, see `AbstractWeights.omega`; ValueError if there is no scale within the range."""
+        kept = (wv.times >= self.shortest) & (wv.times <= self.longest)
+        if not np.any(kept):
+            raise ValueError(
+                f"There is no scale between {self.shortest:g} and {self.longest:g}; they are {wv.times[0]:g} to "
+                f"{wv.times[-1]:g}."
+            )
+        # the covariance without the others, so that its inverse is that of the scales within
+        both = kept[:, None] & kept[None, :]
+        alone = None if V is None else namespace(V).where(both | np.eye(len(kept), dtype=bool), V, 0.0)
+        return self.of.omega(wv, model, alone) * both
 
 
 class _Given(NamedTuple):

@@ -1,0 +1,456 @@
+"""Priors, shared parameters and linear constraints: the log-density of parameters, its mode, and what is known there.
+
+The wavelet variance is close to normal, nu_hat ~ N(nu(theta), V), with V taken under a first fit; on the real line of
+each parameter (its logarithm, or logit), eta, a prior is normal too. Hence, for channels that need not be independent
+in what they share,
+
+    log p(eta | nu_hat) = -1/2 sum_channels (nu_hat - nu(eta))' V^-1 (nu_hat - nu(eta)) - 1/2 sum_i ((eta_i - m_i)/s_i)^2,
+
+up to a constant, on the flat set C eta = d of what is shared and constrained, in whose own coordinates z it is a function
+of nothing else. Without priors its mode is the fit with ``weights="covariance"``; the covariance at the mode is the inverse
+of N'(sum A'V^-1 A + diag(1/s^2))N with A = d nu/d eta and N a basis of the set (Laplace's approximation, with the expected
+curvature: Gelman et al. 2013, ch. 4; Chernozhukov & Hong 2003 for the quasi-likelihood of moments).
+"""  # noqa: E501
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax import Array
+from jaxtyping import Float
+
+from gmwm_jax._internal.checks import confidence, integer, positive, require_x64, typed_key
+from gmwm_jax._internal.optional import import_optional
+from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax.fitting.estimator import fit
+from gmwm_jax.fitting.result import Fit
+from gmwm_jax.fitting.tables import EstimateTable, parameter_table
+from gmwm_jax.fitting.weights import root_of
+from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.registry import as_model
+from gmwm_jax.recordings.recording import Recording
+from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
+
+_MAX_STEPS = 500
+_DEPENDENT = 1e-10
+"""Of the largest singular value of the constraints: rows below it say what others say."""
+
+
+class Prior(NamedTuple):
+    """A prior on a parameter: normal on its real line (log, or logit where it is bounded on both sides).
+
+    Examples
+    --------
+    >>> prior = gj.fitting.Prior(0.01, factor=2.0)  # a datasheet's value, right within a factor of 2 (one sigma)
+    """
+
+    median: float
+    """Per sample, as the parameter."""
+    factor: float
+    """exp of the standard deviation: two thirds of the prior lie within median/factor and median * factor."""
+
+
+class Constraint(NamedTuple):
+    """sum_i coefficients[name_i] line(parameter_i) = value, with log as the line of all but phi.
+
+    Examples
+    --------
+    >>> gj.fitting.Constraint({"GM_1 beta": 1.0, "GM_2 beta": -1.0}, np.log(10.0)).value > 2  # beta_1 = 10 beta_2
+    True
+    """
+
+    coefficients: Mapping[str, float]
+    value: float = 0.0
+
+
+class LogDensity(eqx.Module):
+    """log p(z | nu_hat), up to a constant: a pure function of the coordinates z, for any sampler or optimiser.
+
+    ``density.eta(z)`` are the parameters of all channels on the real line, ``density.models(z)`` the models.
+    """
+
+    template: Composite
+    """A model of the structure that all channels have."""
+    tau: Float[Array, " J"]
+    nu: Float[Array, "C J"]
+    whiteners: Float[Array, "C J J"]
+    """L' with V^-1 = L L'."""
+    origin: Float[Array, " E"]
+    """A point of the flat set."""
+    basis: Float[Array, "E Z"]
+    """N, orthonormal: eta = origin + N z."""
+    median: Float[Array, " E"]
+    precision: Float[Array, " E"]
+    """1/s of the priors; 0 where there is none."""
+
+    @property
+    def num_coordinates(self) -> int:
+        """Number of coordinates z."""
+        return self.basis.shape[1]
+
+    def eta(self, z: Float[Array, " Z"]) -> Float[Array, " E"]:
+        """All parameters on the real line, channel by channel."""
+        return self.origin + self.basis @ z
+
+    def coordinates(self, eta: Float[Array, " E"]) -> Float[Array, " Z"]:
+        """The point of the set that is nearest to eta."""
+        return self.basis.T @ (eta - self.origin)
+
+    def models(self, z: Float[Array, " Z"]) -> list[Composite]:
+        """The model of each channel."""
+        return [self.template.with_unconstrained(own) for own in self.eta(z).reshape(self.nu.shape[0], -1)]
+
+    def residuals(self, z: Float[Array, " Z"]) -> Float[Array, " R"]:
+        """Whitened residuals of data and priors: the log-density is -1/2 the sum of their squares."""
+        eta = self.eta(z)
+
+        def of_channel(own: Array, nu: Array, whitener: Array) -> Array:
+            return whitener @ (nu - self.template.with_unconstrained(own).wavelet_variance(self.tau))
+
+        data = jax.vmap(of_channel)(eta.reshape(self.nu.shape[0], -1), self.nu, self.whiteners)
+        return jnp.concatenate([data.ravel(), (eta - self.median) * self.precision])
+
+    def __call__(self, z: Float[Array, " Z"]) -> Float[Array, ""]:
+        """Log p(z | nu_hat) up to a constant."""
+        r = self.residuals(z)
+        return -jnp.sum(r * r) / 2
+
+
+@dataclass(frozen=True, repr=False)
+class Posterior:
+    """What `posterior` returns: the log-density, its mode and the covariance there.
+
+    Attributes
+    ----------
+    density
+        The log-density, a pure function.
+    fits
+        The fits that it was made from, one a channel: their covariance is V, and where the search began.
+    names
+        Of the parameters of all channels, as ``GM beta``, or ``gyro_x GM beta`` where there are several channels.
+    z, converged
+        The mode, and whether the search ended there.
+    covariance
+        Of all parameters on the real line; shared ones are perfectly correlated.
+    level
+        Confidence of intervals.
+    """
+
+    density: LogDensity
+    fits: tuple[Fit, ...]
+    names: tuple[str, ...]
+    z: Float[np.ndarray, " Z"]
+    converged: bool
+    covariance: Float[np.ndarray, "E E"]
+    level: float
+
+    @cached_property
+    def models(self) -> dict[str, Composite]:
+        """The model of each channel at the mode."""
+        found = self.density.models(jnp.asarray(self.z))
+        return {f.wv.channels[0]: jax.tree.map(np.asarray, m) for f, m in zip(self.fits, found, strict=True)}
+
+    def parameters(self, channel: str | int = 0) -> EstimateTable:
+        """The parameters of one channel per sample, with intervals from the covariance at the mode."""
+        number = list(self.models).index(channel) if isinstance(channel, str) else channel
+        model, size = list(self.models.values())[number], self.density.template.num_parameters
+        errors = np.sqrt(np.diag(self.covariance))[number * size : (number + 1) * size]
+        unit, z = self.fits[number].unit, normal_quantile(self.level)
+        return parameter_table(model, unit, z=z, level=self.level, errors=errors, boundary={})
+
+    def sample(self, num_samples: int, *, key: PRNGKey, num_warmup: int = 500) -> Float[np.ndarray, "S E"]:
+        """Draw from the posterior by the no-U-turn sampler (Hoffman & Gelman 2014); needs the extra ``sampling``.
+
+        Parameters
+        ----------
+        num_samples, num_warmup
+            Draws that are returned, and that adapt the step before.
+        key
+            ``jax.random.key(seed)``.
+
+        Returns
+        -------
+        Parameters on the real line, in the order of `names`. The draws of one chain: they are correlated.
+        """
+        typed_key(key)
+        num_samples = integer("num_samples", num_samples, 1)
+        blackjax = import_optional("blackjax", "sampling")
+        # in coordinates of unit covariance
+        scale = np.linalg.cholesky(self.density.basis.T @ self.covariance @ self.density.basis)
+
+        def density(x: Array) -> Array:
+            return self.density(jnp.asarray(self.z) + scale @ x)
+
+        warm, chain = jax.random.split(key)
+        with jax.numpy_dtype_promotion("standard"):  # which the sampler relies on
+            x = _chain(blackjax, density, len(self.z), num_samples, num_warmup, warm, chain)
+        return np.asarray(jax.vmap(self.density.eta)(jnp.asarray(self.z + x @ scale.T)))
+
+    def __repr__(self) -> str:
+        """A table a channel."""
+        end = "the search converged" if self.converged else "the search did not converge"
+        dims = f"{len(self.names)} parameters with {len(self.z)} degrees of freedom"
+        lines = [f"Posterior of {' + '.join(self.density.template.labels)}: {dims}; {end}"]
+        for i, f in enumerate(self.fits):
+            lines += ["", f"{f.wv.channels[0]} [{f.unit}]", str(self.parameters(i))]
+        return "\n".join(lines)
+
+
+def _chain(
+    blackjax: Any, density: Any, num: int, num_samples: int, num_warmup: int, warm: PRNGKey, keys: PRNGKey
+) -> Float[np.ndarray, "S Z"]:
+    """Draws of one chain from a log-density of about unit covariance around zero."""
+    adapted = blackjax.window_adaptation(blackjax.nuts, density)
+    (state, parameters), _ = adapted.run(warm, jnp.zeros(num), num_steps=num_warmup)
+    kernel = blackjax.nuts(density, **parameters)
+
+    @jax.jit
+    def draw(state: Any, keys: Any) -> Any:
+        def step(state: Any, key: Any) -> tuple[Any, Array]:
+            state, _ = kernel.step(key, state)
+            return state, state.position
+
+        return jax.lax.scan(step, state, keys)[1]
+
+    return np.asarray(draw(state, jax.random.split(keys, num_samples)))
+
+
+def posterior(
+    data: WaveletVariance | WaveletVariances | Recording,
+    model: str | AbstractProcess | Composite,
+    *,
+    priors: Mapping[str, Prior] | None = None,
+    shared: Sequence[str] = (),
+    constraints: Sequence[Constraint] = (),
+    solver: optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None = None,
+    level: float = 0.95,
+) -> Posterior:
+    """Estimate a model with priors, parameters that channels share, and linear constraints.
+
+    Parameters
+    ----------
+    data
+        The wavelet variance of one or several channels whose theory is known, or a recording.
+    model
+        As for `gmwm_jax.fit`; each channel has one. A value that is marked as fixed is held in all of them.
+    priors
+        Name of a parameter -> its prior: ``{"GM beta": Prior(0.01, factor=2)}`` for all channels, or with the channel in
+        front, ``"gyro_x GM beta"``, for one.
+    shared
+        Names of parameters that all channels have in common.
+    constraints
+        On the real line of the parameters, see `Constraint`; without the name of a channel it holds in each.
+    solver
+        Of optimistix, a least-squares solver or a minimiser; by default Levenberg-Marquardt. It starts from the fits of the
+        channels alone, which were searched for globally.
+    level
+        Confidence of the intervals.
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    ValueError
+        An unknown name, no theory, constraints that contradict each other, a component that the data push to zero or to
+        a limit and whose amplitude has no prior; a prior that is not positive; a model with coordinates that are no
+        parameters (ARMA).
+    RuntimeError
+        x64 is off, or a fit of one channel did not converge.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> found = gj.fitting.posterior(wv, "WN + RW", priors={"RW gamma2": gj.fitting.Prior(1e-9, factor=3.0)})
+    >>> found.names, found.converged
+    (('WN sigma2', 'RW gamma2'), True)
+    """  # noqa: E501
+    require_x64()
+    level = confidence(level)
+    model, wv = as_model(model), as_wavelet_variance(data, "posterior")
+    wv.require_theory("A likelihood and its priors")
+    if any(p.num_coordinates > 1 for p in model.processes):
+        raise ValueError(
+            f"{model}: the coefficients of ARMA processes share their range, and have no priors of their own."
+        )
+    fits = tuple(fit(wv[i], model, weights="covariance", level=level) for i in range(len(wv.channels)))
+    names = _names(fits)
+    median, precision = _priors(names, len(fits), priors or {})
+    start = _start(fits, names, median, precision)
+    C, d = _constraints(names, fits, shared, constraints, start)
+    origin, basis = _flat(C, d, start)
+    density = LogDensity(
+        template=fits[0].model,
+        tau=jnp.asarray(wv.scales),
+        nu=jnp.stack([jnp.asarray(f.wv.variance) for f in fits]),
+        whiteners=jnp.stack([jnp.asarray(root_of(f.omega)) for f in fits]),
+        origin=jnp.asarray(origin),
+        basis=jnp.asarray(basis),
+        median=jnp.asarray(median),
+        precision=jnp.asarray(precision),
+    )
+    z, converged = _mode(density, density.coordinates(jnp.asarray(start)), _LEVENBERG if solver is None else solver)
+    covariance = np.asarray(_covariance(density, z))
+    return Posterior(density, fits, names, np.asarray(z), bool(converged), covariance, level)
+
+
+def posterior_mode(
+    density: LogDensity,
+    start: Float[Array, " Z"],
+    *,
+    solver: optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None = None,
+) -> Float[Array, " Z"]:
+    """The mode of a log-density: pure, so that it moves with moments and priors under grad, by the solver's adjoint.
+
+    Parameters
+    ----------
+    density
+        Whose leaves may be traced: ``dataclasses.replace(found.density, nu=nu)``.
+    start
+        Where the solver begins, such as the mode for other moments.
+    solver
+        Of optimistix, as of `posterior`.
+
+    Examples
+    --------
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> found = gj.fitting.posterior(wv, "WN + RW")
+    >>> bool(np.allclose(gj.fitting.posterior_mode(found.density, jnp.asarray(found.z)), found.z))
+    True
+    """
+    return _mode(density, start, _LEVENBERG if solver is None else solver)[0]
+
+
+_LEVENBERG: Any = optx.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
+
+
+def _mode(density: LogDensity, start: Array, solver: Any) -> tuple[Array, Any]:
+    """The mode, and whether the solver says that it is there."""
+    options: Any = {"args": density, "max_steps": _MAX_STEPS, "throw": False}
+    if isinstance(solver, optx.AbstractLeastSquaresSolver):
+        found = optx.least_squares(_residuals, solver, start, **options)
+    else:
+        found = optx.minimise(_minus_log, solver, start, **options)
+    return found.value, found.result == optx.RESULTS.successful
+
+
+def _residuals(z: Array, density: LogDensity) -> Array:
+    return density.residuals(z)
+
+
+def _minus_log(z: Array, density: LogDensity) -> Array:
+    return -density(z)
+
+
+@partial(jax.jit)
+def _covariance(density: LogDensity, z: Array) -> Float[Array, "E E"]:
+    """N (J'J)^-1 N' with J the derivative of all residuals by z."""
+    J = jax.jacfwd(density.residuals)(z)
+    return density.basis @ jnp.linalg.inv(J.T @ J) @ density.basis.T
+
+
+def _names(fits: Sequence[Fit]) -> tuple[str, ...]:
+    model = fits[0].model
+    own = [f"{label} {q.name}" for label, p in zip(model.labels, model.processes, strict=True) for q in p.parameters]
+    return tuple(own if len(fits) == 1 else (f"{f.wv.channels[0]} {name}" for f in fits for name in own))
+
+
+def _positions(name: str, names: Sequence[str], num_channels: int) -> list[int]:
+    """Where a parameter stands: one place, or one a channel where the name has no channel."""
+    if name in names:
+        return [names.index(name)]
+    found = [i for i, known in enumerate(names) if num_channels > 1 and known.endswith(f" {name}")]
+    if not found:
+        raise ValueError(f"There is no parameter {name!r}; there are {', '.join(names)}.")
+    return found
+
+
+def _priors(names: Sequence[str], num_channels: int, priors: Mapping[str, Prior]) -> tuple[np.ndarray, np.ndarray]:
+    """Medians, per sample, and 1/s; of those named with their channel last, which so override."""
+    median, precision = np.ones(len(names)), np.zeros(len(names))
+    for name in sorted(priors, key=lambda n: n in names):
+        prior = priors[name]
+        positive(f"The median of the prior on {name}", np.asarray(prior.median, dtype=float))
+        if not 1 < prior.factor < np.inf:
+            raise ValueError(f"The factor of the prior on {name} is above 1, and is {prior.factor}.")
+        for i in _positions(name, names, num_channels):
+            median[i], precision[i] = prior.median, 1 / np.log(prior.factor)
+    return median, precision
+
+
+def _start(fits: Sequence[Fit], names: Sequence[str], median: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """The fits of the channels alone on the real line, at a boundary the priors; medians become those of the line."""
+    start, at = [], 0
+    for f in fits:
+        for label, p in zip(f.model.labels, f.model.processes, strict=True):
+            for q, value in zip(p.parameters, p.values, strict=True):
+                if precision[at]:
+                    median[at] = float(q.to_line(q.check(median[at], p.kind, zero_ok=False)))
+                x = float(q.to_line(value))
+                if label in f.at_boundary:
+                    if not precision[at]:
+                        raise ValueError(
+                            f"{names[at]}: the data put {label} at a boundary ({f.at_boundary[label]}), so that only a "
+                            "prior says what it is there. Give it one, or leave the component out."
+                        )
+                    x = median[at]
+                start.append(x)
+                at += 1
+    return np.array(start)
+
+
+def _constraints(
+    names: Sequence[str],
+    fits: Sequence[Fit],
+    shared: Sequence[str],
+    constraints: Sequence[Constraint],
+    start: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """C and d of C eta = d."""
+    rows, values, num = [], [], len(fits)
+
+    def add(entries: Mapping[int, float], value: float) -> None:
+        row = np.zeros(len(names))
+        for i, c in entries.items():
+            row[i] = c
+        rows.append(row)
+        values.append(value)
+
+    for name in shared:
+        first, *rest = _positions(name, names, num)
+        if not rest:
+            raise ValueError(f"{name!r} names one parameter of one channel: there is nothing to share.")
+        for i in rest:
+            add({i: 1.0, first: -1.0}, 0.0)
+    for coefficients, value in constraints:
+        places = {name: _positions(name, names, num) for name in coefficients}
+        for k in range(max(map(len, places.values()))):
+            add({at[k if len(at) > 1 else 0]: coefficients[name] for name, at in places.items()}, value)
+    held = [q.name in p.fixed for f in fits for p in f.model.processes for q in p.parameters]
+    for i, is_held in enumerate(held):
+        if is_held:
+            add({i: 1.0}, start[i])
+    return np.array(rows).reshape(-1, len(names)), np.array(values)
+
+
+def _flat(C: np.ndarray, d: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The point of C eta = d nearest to the start, and an orthonormal basis of its directions."""
+    if not len(C):
+        return start, np.eye(len(start))
+    U, s, Vt = np.linalg.svd(C)
+    rank = int(np.sum(s > _DEPENDENT * s[0]))
+    step = Vt[:rank].T @ ((U.T @ (d - C @ start))[:rank] / s[:rank])
+    origin = start + step
+    if not np.allclose(C @ origin, d, rtol=0, atol=1e-8 * (1 + np.abs(d).max())):
+        raise ValueError("What is shared, held and constrained contradicts itself: no parameters satisfy all of it.")
+    if rank == len(start):
+        raise ValueError("What is shared, held and constrained leaves nothing to estimate.")
+    return origin, Vt[rank:].T
