@@ -51,6 +51,12 @@ all results of this package. A process of your own is in no file: who reads it m
 from gmwm_jax._internal.channels import Channels as Channels
 from gmwm_jax._internal.saved import load as load
 from gmwm_jax.fitting import weights as weights
+from gmwm_jax.fitting.bayes import Constraint as Constraint
+from gmwm_jax.fitting.bayes import LogDensity as LogDensity
+from gmwm_jax.fitting.bayes import Posterior as Posterior
+from gmwm_jax.fitting.bayes import Prior as Prior
+from gmwm_jax.fitting.bayes import posterior as posterior
+from gmwm_jax.fitting.bayes import posterior_mode as posterior_mode
 from gmwm_jax.fitting.bias import WhiteAndBias as WhiteAndBias
 from gmwm_jax.fitting.bias import white_and_bias as white_and_bias
 from gmwm_jax.fitting.estimation import Estimates as Estimates
@@ -58,12 +64,6 @@ from gmwm_jax.fitting.estimation import estimate as estimate
 from gmwm_jax.fitting.estimator import fit as fit
 from gmwm_jax.fitting.estimator import objective as objective
 from gmwm_jax.fitting.outcome import Outcome as Outcome
-from gmwm_jax.fitting.posterior import Constraint as Constraint
-from gmwm_jax.fitting.posterior import LogDensity as LogDensity
-from gmwm_jax.fitting.posterior import Posterior as Posterior
-from gmwm_jax.fitting.posterior import Prior as Prior
-from gmwm_jax.fitting.posterior import posterior as posterior
-from gmwm_jax.fitting.posterior import posterior_mode as posterior_mode
 from gmwm_jax.fitting.result import Fit as Fit
 from gmwm_jax.fitting.result import Status as Status
 from gmwm_jax.fitting.slopes import SlopeRegression as SlopeRegression
