@@ -63,6 +63,8 @@ from gmwm_jax.fitting.estimation import Estimates as Estimates
 from gmwm_jax.fitting.estimation import estimate as estimate
 from gmwm_jax.fitting.estimator import fit as fit
 from gmwm_jax.fitting.estimator import objective as objective
+from gmwm_jax.fitting.influences import Influence as Influence
+from gmwm_jax.fitting.influences import influence as influence
 from gmwm_jax.fitting.outcome import Outcome as Outcome
 from gmwm_jax.fitting.result import Fit as Fit
 from gmwm_jax.fitting.result import Status as Status

@@ -21,8 +21,10 @@ from gmwm_jax._internal.figure_data import Span as Span
 from gmwm_jax.plotting._style import draw as draw
 from gmwm_jax.plotting.fitting import fit_data as fit_data
 from gmwm_jax.plotting.fitting import fits_data as fits_data
+from gmwm_jax.plotting.fitting import influence_data as influence_data
 from gmwm_jax.plotting.fitting import plot_fit as plot_fit
 from gmwm_jax.plotting.fitting import plot_fits as plot_fits
+from gmwm_jax.plotting.fitting import plot_influence as plot_influence
 from gmwm_jax.plotting.inference import bootstrap_data as bootstrap_data
 from gmwm_jax.plotting.inference import plot_bootstrap as plot_bootstrap
 from gmwm_jax.plotting.inference import plot_selection as plot_selection

@@ -8,12 +8,14 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.drawing import GivenAxes
-from gmwm_jax._internal.figure_data import Axis, Frame, Line, Mark, Points, Span
-from gmwm_jax._internal.figures import describe, entries_of, legend_below, put
+from gmwm_jax._internal.figure_data import Axis, Frame, Item, Line, Mark, Points, Span
+from gmwm_jax._internal.figures import describe, entries_of, frames, legend_below, put
+from gmwm_jax.fitting.influences import Influence
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.plotting._style import (
     DATA,
     FIT,
+    TIME,
     band_title,
     by_unit,
     component_style,
@@ -177,4 +179,70 @@ def plot_fits(fits: Channels[Fit], *, datasheet: Datasheet | None = None, axes: 
         top.get_legend().remove()  # type: ignore[union-attr]
     frames = [ax for pair in pairs for ax in pair]
     legend_below(figure, frames, alone=axes is None, entries=entries, **band_title(fits[0].shown))
+    return figure
+
+
+def influence_data(influence: Influence) -> tuple[Frame, ...]:
+    """Return what `plot_influence` shows: elasticities over scale, and changes without each block where there are any.
+
+    Parameters
+    ----------
+    influence
+        Of one channel. Estimates that are zero have no elasticity.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> frames = gj.plotting.influence_data(gj.fitting.influence(rec, "WN + RW"))
+    """
+    wv, values = influence.wv, influence.values
+    shown = [i for i, value in enumerate(values) if value != 0]
+    title = f"{wv.channels[0]}: {' + '.join(influence.model.labels)}"
+    curves = [Line(influence.names[i], wv.times, influence.elasticities[i]) for i in shown]
+    scales = Frame(title, scale_axis(wv), Axis("elasticity", "1"), (Mark("", 0.0, "y"), *curves))
+    if influence.without_block is None or influence.block is None:
+        return (scales,)
+    t = influence.block_times + influence.block / 2
+    items: list[Item] = [Mark("", 0.0, "y")]
+    for i in shown:
+        linear, exact = (100 * c[i] / values[i] for c in (influence.without_block_linear, influence.without_block))
+        items += [Line("", t, linear), Points(influence.names[i], t, exact)]
+    blocks = Frame("", TIME, Axis(f"change without {influence.block:g} s", "%"), tuple(items))
+    return scales, blocks
+
+
+@draw.register(Influence)
+def plot_influence(influence: Influence, *, axes: GivenAxes | None = None) -> Figure:
+    """Plot elasticities over scale, and below what leaving out each block changes: points refitted, lines linear.
+
+    Parameters
+    ----------
+    influence
+        Of one channel.
+    axes
+        An Axes to draw into, and one more where there are blocks; a new figure if left out.
+
+    Examples
+    --------
+    >>> rec = gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])
+    >>> figure = gj.plotting.plot_influence(gj.fitting.influence(rec, "WN + RW"))
+    >>> figure.savefig("influence.png")
+    """
+    shown = influence_data(influence)
+    figure, drawn = frames(axes, len(shown), 1, (7.5, 0.8 + 2.8 * len(shown)))
+    for ax, frame in zip(drawn, shown, strict=True):
+        describe(ax, frame, fontsize=10)
+        ax.set_xscale(frame.x.scale)
+        zero, *items = frame.items
+        put(ax, zero, color="0.4", lw=0.8)
+        for i, item in enumerate(items):
+            own = component_style(i if ax is drawn[0] else i // 2)
+            match item:
+                case Points():
+                    put(ax, item, marker="o", ms=3.5, ls="", color=own["color"])
+                case Line(label=""):
+                    put(ax, item, lw=1, color=own["color"])
+                case _:
+                    put(ax, item, marker="o", ms=3.5, **own)
+    legend_below(figure, drawn, alone=axes is None, entries=entries_of(drawn[0]))
     return figure

@@ -27,6 +27,8 @@ print(gj.variance.hadamard_deviation(gj.datasets.simulated("mti-g", 20_000, chan
 from gmwm_jax.variance.allan import AllanDeviation as AllanDeviation
 from gmwm_jax.variance.allan import allan_deviation as allan_deviation
 from gmwm_jax.variance.bands import Bands as Bands
+from gmwm_jax.variance.contributions import BlockSums as BlockSums
+from gmwm_jax.variance.contributions import block_sums as block_sums
 from gmwm_jax.variance.covariance import wv_covariance as wv_covariance
 from gmwm_jax.variance.estimator import AbstractEstimator as AbstractEstimator
 from gmwm_jax.variance.estimator import Dwt as Dwt

@@ -109,7 +109,7 @@ def haar_wavelet_variance(x: Any, num_levels: int | None = None) -> Float[Array,
     >>> gj.variance.haar_wavelet_variance(np.array([1.0, -1.0, 1.0, -1.0]), num_levels=1).tolist()
     [1.0]
     """
-    x = _one_record(x)
+    x = one_record(x)
     J = check_num_levels(x.shape[0], num_levels)
     S = x - jnp.mean(x)  # a constant changes no coefficient, and without it the sums stay small
     variances = []
@@ -121,7 +121,8 @@ def haar_wavelet_variance(x: Any, num_levels: int | None = None) -> Float[Array,
     return jnp.stack(variances)
 
 
-def _one_record(x: Any) -> Array:
+def one_record(x: Any) -> Float[Array, " N"]:
+    """Return a record as an array of floats, or raise a ValueError if it is not one-dimensional."""
     if jnp.ndim(x) != 1:
         raise ValueError(
             f"A record has the shape (N,), and this one {jnp.shape(x)}: use jax.vmap for several channels."
@@ -147,7 +148,7 @@ def haar_dwt_variance(x: Any, num_levels: int | None = None) -> Float[Array, " J
     >>> gj.variance.haar_dwt_variance(np.array([1.0, -1.0, 1.0, -1.0]), num_levels=1).tolist()
     [1.0]
     """
-    x = _one_record(x)
+    x = one_record(x)
     J = check_num_levels(x.shape[0], num_levels)
     S: Any = x - jnp.mean(x)
     variances = []

@@ -69,6 +69,7 @@ def results(fit):
         "regression": with_trend(),
         "robust comparison": gj.variance.compare_robust(record(2000, 4)["accel_x"]),
         "records compared": gj.multisignal.compare_records(gj.fit_records(wvs, "WN + RW")),
+        "influence": gj.fitting.influence(record(1000, 1000), "WN + RW"),
     }
 
 
@@ -83,6 +84,7 @@ KINDS = (
     "wavelet variance", "of several channels", "with gaps", "robust", "from a table", "fit", "fit with weights given",
     "fit with a value held", "fit at a boundary", "fits", "selection", "bootstrap", "joint fit", "joint fits",
     "Allan deviation", "goodness of fit", "regression", "robust comparison", "records compared",
+    "influence",
 )  # fmt: skip
 
 
@@ -107,7 +109,7 @@ def test_all_kinds_are_there(results):
         ("selection", "selection_data"), ("bootstrap", "bootstrap_data"), ("joint fit", "joint_fit_data"),
         ("joint fits", "joint_fits_data"), ("Allan deviation", "allan_deviation_data"),
         ("regression", "regression_data"), ("robust comparison", "robust_comparison_data"),
-        ("records compared", "record_comparison_data"),
+        ("records compared", "record_comparison_data"), ("influence", "influence_data"),
     ],
 )  # fmt: skip
 def test_it_is_drawn_as_before(results, tmp_path, kind, figure):
@@ -169,7 +171,7 @@ def test_files_know_these_classes():
         for name in (
             "AbstractProcess", "AllanDeviation", "Bands", "Bootstrap", "Candidate", "Channels",
             "Coefficients", "Composite", "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given",
-            "GoodnessOfFit", "Iterated", "JointFit", "MeanOfRecords", "ModelScore", "Modwt",
+            "GoodnessOfFit", "Influence", "Iterated", "JointFit", "MeanOfRecords", "ModelScore", "Modwt",
             "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "RecordComparison", "Regression",
             "Robust", "RobustComparison", "Selection", "StabilityDeviation", "TwoStep", "WaveletVariance",
             "WaveletVariances",
