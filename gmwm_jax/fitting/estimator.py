@@ -1,5 +1,6 @@
 """`fit`: from a wavelet variance and a model to its estimates, all channels at once."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, overload
@@ -234,7 +235,7 @@ def fit_channels(
     rest = scales, problem.bounds, problem.shapes, problem.held
     if len(channels) <= _FEW_CHANNELS:
         each = [
-            _compiled_quickly(problem.layout, placements, nodes, y, whitener, *rest)
+            _search(problem.layout, placements, nodes, y, whitener, *rest)
             for y, whitener in zip(whitened, whiteners, strict=True)
         ]
         solutions = [jax.tree.map(np.asarray, solution) for solution in each]
@@ -363,15 +364,24 @@ def _minimise_channels(layout: Layout, placements: Any, nodes: Any, y: Any, whit
     return jax.vmap(one)(y, whitener)
 
 
-_SEARCH: dict[str, Any] = QUICKLY | {"xla_backend_optimization_level": 1}
-"""One search runs three times as fast as by `QUICKLY`, for a third more of compilation; the emitters of fusions and all
-passes compile as long again and run no faster."""
-
-# XLA's optimising passes pay where many channels are fitted at once. Few are fitted one by one, by the program of a
-# single channel.
+# A first fit waits for the compiler, and the tenth for the search. The quickest of compilations is taken at first; by
+# one of the next level, twice as long, a search takes a third of the time: it pays for structures that are searched for
+# often. Many channels at once are worth all of XLA's passes.
 _FEW_CHANNELS = 8
-_compiled_quickly = jax.jit(_minimise_channel, static_argnums=0, compiler_options=_SEARCH)
+_OFTEN = 10
+"""Searches of one structure after which its program is compiled better; both give the same to rounding."""
+_searches: Counter[Layout] = Counter()
+_compiled_quickly = jax.jit(_minimise_channel, static_argnums=0, compiler_options=QUICKLY)
+_compiled_better = jax.jit(
+    _minimise_channel, static_argnums=0, compiler_options=QUICKLY | {"xla_backend_optimization_level": 1}
+)
 _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
+
+
+def _search(layout: Layout, *rest: Any) -> Solution:
+    """The minimum for one channel, by the program that suits how often there was a search of this structure."""
+    _searches[layout] += 1
+    return (_compiled_quickly if _searches[layout] <= _OFTEN else _compiled_better)(layout, *rest)
 
 
 def _status(solution: Solution) -> Status:
