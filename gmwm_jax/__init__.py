@@ -16,6 +16,29 @@ Power spectral densities are two-sided: white noise of variance sigma2 per sampl
 amplitude density is larger by sqrt(2). Scales are spans of the Haar filter; the wavelet variance is half the Allan
 variance, nu^2(tau) = sigma_A^2(tau/2)/2, the same estimator with the same interval.
 
+Pure functions
+--------------
+`fit`, `select` and the like look at what they are given, print, warn and raise: they are no functions of arrays alone.
+These are; jit, vmap and differentiate them by what is named.
+
+| function | of |
+|---|---|
+| `processes.Composite.wavelet_variance` | parameters |
+| `processes.Composite.psd` | parameters, frequency |
+| `processes.Composite.autocovariance` | parameters |
+| `processes.Composite.unconstrained` | parameters |
+| `processes.Composite.with_unconstrained` | the vector |
+| `processes.simulate` | parameters; map it over keys |
+| `processes.whiten` | parameters, columns |
+| `processes.generalised_least_squares` | parameters, record, regressors |
+| `processes.covariance_times` | parameters, columns |
+| `variance.haar_wavelet_variance` | samples |
+| `variance.haar_dwt_variance` | samples |
+| `variance.block_sums` | samples |
+| `variance.wv_covariance` | parameters |
+| `fitting.objective` | parameters, wavelet variance, weights |
+| `fitting.estimate` | wavelet variance, weights, held values |
+
 Examples in docstrings suppose ``import gmwm_jax as gj``, ``import nav_jax as nj``, ``import numpy as np``,
 ``import jax`` and ``import jax.numpy as jnp``.
 

@@ -14,6 +14,19 @@ components come first and runs last. IMU sample k lasts from t_k to t_{k+1}: N s
 are those of `gmwm_jax`, with parameters per sample at a stated rate. Everything is SI in 64-bit floats; the package
 never changes JAX's configuration: turn them on first, ``jax.config.update("jax_enable_x64", True)``.
 
+Pure functions
+--------------
+`compare`, `analyse` and the like prepare a scenario and judge what comes out: they are no functions of arrays alone.
+These are, once ``filter.prepare`` has made the schedule; jit, vmap and differentiate them by what is named.
+
+| function | of |
+|---|---|
+| `filter.draw_inputs` | true errors, aiding noise, initial covariance; map it over keys |
+| `filter.gains_of` | believed errors, aiding noise, initial covariance |
+| `filter.run_filter` | believed errors, inputs |
+| `lincov.linear_covariance` | true and believed errors, aiding noise, initial covariance |
+| `recorded.innovation_loss` | believed errors, aiding noise |
+
 Examples in docstrings suppose ``import gmwm_jax as gj``, ``import nav_jax as nj``, ``import numpy as np``,
 ``import jax`` and ``import jax.numpy as jnp``.
 
