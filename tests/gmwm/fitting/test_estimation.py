@@ -112,19 +112,6 @@ def test_forward_and_reverse_agree(wv, by_variance):
     np.testing.assert_allclose(reverse, by_variance(wv.variance), rtol=1e-10)
 
 
-def test_second_derivatives_are_differences_of_the_first(wv, by_variance):
-    """Along one direction: forward over forward."""
-    direction = jnp.asarray(np.random.default_rng(0).normal(size=wv.num_scales) * wv.variance)
-
-    def along(nu):
-        return jax.jvp(of_variance(wv, "WN + GM"), (nu,), (direction,))[1]
-
-    _, second = jax.jit(lambda nu: jax.jvp(along, (nu,), (direction,)))(jnp.asarray(wv.variance))
-    h = 1e-4
-    above, below = (by_variance(wv.variance + s * h * direction) @ direction for s in (1, -1))
-    np.testing.assert_allclose(second, (above - below) / (2 * h), rtol=1e-5)
-
-
 def test_derivatives_are_the_first_order_expansion_of_the_fit(wv, by_variance):
     """The influence of the wavelet variance that standard errors are made from, but for the curvature beside residuals.
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from programs import MEDIUM, TRUTH, drawn_channels, fitted, simulated
+from programs import MEDIUM, fitted, simulated
 
 import gmwm_jax as gj
 from gmwm_jax._internal.chi_square import chi_square, misses
@@ -79,13 +79,6 @@ def test_without_theory_nothing_is_said(wrong):
 def test_a_model_with_as_many_parameters_as_scales_has_no_test():
     wv = gj.wavelet_variance(np.random.default_rng(0).standard_normal(MEDIUM), num_levels=1)
     assert "test of fit: none, every scale is fitted exactly" in repr(gj.fit(wv, "WN"))
-
-
-@pytest.mark.parametrize(("truth", "model"), [(TRUTH, "WN + GM"), (WALK, "WN + RW")])
-def test_chance_is_seldom_taken_for_a_misfit(truth, model):
-    """Of 100 right models none: of the second, one in ten is beyond a chi-square test with a p of 1e-6."""
-    fits = gj.fit(drawn_channels(truth, MEDIUM, 100, 31), model)
-    assert not any(f.misfit for f in fits.values())
 
 
 def test_a_test_of_gamma_variables_is_of_their_own_tail():
