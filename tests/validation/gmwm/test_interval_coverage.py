@@ -95,7 +95,7 @@ def coverage(rows):
 def test_intervals_of_theory_cover(case, judge):
     truth, num_samples, model = CASES[case]
     truth = gj.parse_model(truth)
-    fits: Any = gj.fit(drawn_channels(truth, num_samples, NUM, 7), model, weights="two-step", throw=False)
+    fits: Any = gj.fit(drawn_channels(truth, num_samples, NUM, 2611), model, weights="two-step", throw=False)
     values = values_of(truth)
     rows = [covers(((f.parameters(), ""), (f.continuous(), " (SI)")), values) for f in fits.values()]
     at_boundary = np.array([bool(f.at_boundary) for f in fits.values()])
