@@ -129,7 +129,6 @@ def speed(report: Report) -> None:
     with compilations() as compiled:
         first, _ = timed(lambda: gj.fit(wv, SIX, throw=False))
     single = wv["Gyro.X"]
-    gj.fit(wv, SIX, throw=False)  # of what is searched for often there is a better program, compiled once
     warm = interleaved(
         {
             "MTi-G, six channels": lambda: gj.fit(wv, SIX, throw=False),

@@ -1,6 +1,5 @@
 """`fit`: from a wavelet variance and a model to its estimates, all channels at once."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, overload
@@ -364,13 +363,10 @@ def _minimise_channels(layout: Layout, placements: Any, nodes: Any, y: Any, whit
     return jax.vmap(one)(y, whitener)
 
 
-# A first fit waits for the compiler, and the tenth for the search. The quickest of compilations is taken at first; by
-# one of the next level, twice as long, a search takes a third of the time: it pays for structures that are searched for
-# often. Many channels at once are worth all of XLA's passes.
+# By the second of XLA's levels a search takes a third of the time that it takes by the first, and half a second more to
+# compile; by all passes it compiles as long again and runs no faster, but for many channels at once. Which program it is
+# depends on nothing that was fitted before: they differ in the last digits.
 _FEW_CHANNELS = 8
-_OFTEN = 10
-"""Searches of one structure after which its program is compiled better; both give the same to rounding."""
-_searches: Counter[Layout] = Counter()
 _compiled_quickly = jax.jit(_minimise_channel, static_argnums=0, compiler_options=QUICKLY)
 _compiled_better = jax.jit(
     _minimise_channel, static_argnums=0, compiler_options=QUICKLY | {"xla_backend_optimization_level": 1}
@@ -379,9 +375,9 @@ _compiled_well = jax.jit(_minimise_channels, static_argnums=0)
 
 
 def _search(layout: Layout, *rest: Any) -> Solution:
-    """The minimum for one channel, by the program that suits how often there was a search of this structure."""
-    _searches[layout] += 1
-    return (_compiled_quickly if _searches[layout] <= _OFTEN else _compiled_better)(layout, *rest)
+    """The minimum for one channel."""
+    quick = not layout.num_shapes or jax.config.read("jax_disable_most_optimizations")
+    return (_compiled_quickly if quick else _compiled_better)(layout, *rest)
 
 
 def _status(solution: Solution) -> Status:

@@ -174,7 +174,7 @@ def test_files_know_these_classes():
             "GoodnessOfFit", "Influence", "Iterated", "JointFit", "MeanOfRecords", "ModelScore", "Modwt",
             "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "RecordComparison", "Regression",
             "Robust", "RobustComparison", "Selection", "StabilityDeviation", "TwoStep", "WaveletVariance",
-            "WaveletVariances",
+            "WaveletVariances", "Within",
         )
     ]  # fmt: skip
 
