@@ -364,7 +364,7 @@ def _minimise_channels(layout: Layout, placements: Any, nodes: Any, y: Any, whit
 
 
 # By the second of XLA's levels a search takes a third of the time that it takes by the first, and half a second more to
-# compile; by all passes it compiles as long again and runs no faster, but for many channels at once. Which program it is
+# compile; by all passes it compiles as long again and runs no faster, but for many channels at once. Which it is
 # depends on nothing that was fitted before: they differ in the last digits.
 _FEW_CHANNELS = 8
 _compiled_quickly = jax.jit(_minimise_channel, static_argnums=0, compiler_options=QUICKLY)
