@@ -146,7 +146,7 @@ class Boundary:
         lines = [x for p in self._processes for x in p.to_lines(known(*p.values))]
         self._lines = np.maximum(np.array(lines, dtype=float), _GONE)
         first = np.cumsum([0, *(len(p.parameters) for p in self._processes)])
-        self._own = [slice(a, b) for a, b in pairwise(first)]
+        self._own = [slice(int(a), int(b)) for a, b in pairwise(first)]
         at, num = list(fit.active), fit.model.num_parameters
         self._free = np.isin(np.arange(num), at)
         self._C = np.zeros((num, num))
