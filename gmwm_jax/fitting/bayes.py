@@ -95,19 +95,19 @@ class LogDensity(eqx.Module):
         """Number of coordinates z."""
         return self.basis.shape[1]
 
-    def eta(self, z: Float[Array, " Z"]) -> Float[Array, " E"]:
+    def eta(self, z: Float[Array | np.ndarray, " Z"]) -> Float[Array, " E"]:
         """All parameters on the real line, channel by channel."""
         return self.origin + self.basis @ z
 
-    def coordinates(self, eta: Float[Array, " E"]) -> Float[Array, " Z"]:
+    def coordinates(self, eta: Float[Array | np.ndarray, " E"]) -> Float[Array, " Z"]:
         """The point of the set that is nearest to eta."""
         return self.basis.T @ (eta - self.origin)
 
-    def models(self, z: Float[Array, " Z"]) -> list[Composite]:
+    def models(self, z: Float[Array | np.ndarray, " Z"]) -> list[Composite]:
         """The model of each channel."""
         return [self.template.with_unconstrained(own) for own in self.eta(z).reshape(self.nu.shape[0], -1)]
 
-    def residuals(self, z: Float[Array, " Z"]) -> Float[Array, " R"]:
+    def residuals(self, z: Float[Array | np.ndarray, " Z"]) -> Float[Array, " R"]:
         """Whitened residuals of data and priors: the log-density is -1/2 the sum of their squares."""
         eta = self.eta(z)
 
@@ -117,7 +117,7 @@ class LogDensity(eqx.Module):
         data = jax.vmap(of_channel)(eta.reshape(self.nu.shape[0], -1), self.nu, self.whiteners)
         return jnp.concatenate([data.ravel(), (eta - self.median) * self.precision])
 
-    def __call__(self, z: Float[Array, " Z"]) -> Float[Array, ""]:
+    def __call__(self, z: Float[Array | np.ndarray, " Z"]) -> Float[Array, ""]:
         """Log p(z | nu_hat) up to a constant."""
         r = self.residuals(z)
         return -jnp.sum(r * r) / 2

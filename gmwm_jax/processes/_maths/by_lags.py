@@ -83,7 +83,7 @@ def _lagrange(nodes: Float[np.ndarray, " Q"], at: Float[np.ndarray, " G"]) -> Fl
     return np.prod(np.where(gaps == 0, 1.0, factors), axis=2)
 
 
-def _gauss_for_sums(first: float, count: int) -> tuple[Float[np.ndarray, " G"], Float[np.ndarray, " G"]]:
+def _gauss_for_sums(first: int, count: int) -> tuple[Float[np.ndarray, " G"], Float[np.ndarray, " G"]]:
     """Nodes and weights of sums over first, first + 2, .., exact up to degree 15 (Gautschi 2004, table 1.2)."""
     num = min(8, count)
     k = np.arange(1, num)
@@ -93,7 +93,7 @@ def _gauss_for_sums(first: float, count: int) -> tuple[Float[np.ndarray, " G"], 
     return first + 2 * nodes, count * vectors[0] ** 2
 
 
-def _panel_sums(start: int, length: int, nodes: Float[np.ndarray, "2 Q"]) -> Float[np.ndarray, "_ 2Q"]:
+def _panel_sums(start: int, length: int, nodes: Float[np.ndarray, "2 Q"]) -> Float[np.ndarray, "_ 2*Q"]:
     rows = []
     for m, power in ((start + length, 0), (start + length, 1), *((m, 1) for m in nodes.ravel())):
         row = []
@@ -282,6 +282,6 @@ def spectrum(at: Lattice, variance: Any, D: Float[Array, " L"], frequency: Float
     return (variance + summed(steady, f) + summed(alternating, 0.5 - f)).reshape(frequency.shape)
 
 
-def _rise(lag: Any, middle: float) -> Any:
+def _rise(lag: Any, middle: float | int) -> Any:
     """From 0 to 1 around a lag, smoothly in its logarithm."""
     return (1 + erf(np.log2(lag / middle) / (_STEP * np.sqrt(2)))) / 2

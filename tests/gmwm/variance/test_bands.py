@@ -41,7 +41,7 @@ def test_degrees_of_freedom_are_those_of_a_quadratic_form(statistic, difference,
         taps[::n] = difference
         taps = np.convolve(taps, np.ones(n)) if averaged else taps
         num = N + 2 - len(taps)
-        assert num == statistic.num_terms(N, np.array([n]))
+        assert num == statistic.num_terms(N, np.array([float(n)]))
         of_phase = np.stack([np.concatenate([np.zeros(k), taps, np.zeros(num - 1 - k)]) for k in range(num)])
         walk = np.tril(np.ones((N, N)))
         of_samples = of_phase @ np.vstack([np.zeros(N), walk])
