@@ -319,7 +319,13 @@ def as_weights(weights: WeightsLike) -> AbstractWeights:
 
 
 def root_of(omega: Any) -> Any:
-    """L' with Omega = L L'; rows and columns of zeros, of scales that are left out, stay zeros. Pure."""
+    """L' with Omega = L L'; rows and columns of zeros, of scales that are left out, stay zeros. Pure.
+
+    Examples
+    --------
+    >>> gj.fitting.weights.root_of(np.diag([4.0, 0.0, 9.0])).tolist()
+    [[2.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 3.0]]
+    """
     xp = namespace(omega)
     kept = (xp.diagonal(omega) != 0).astype(omega.dtype)
     return xp.linalg.cholesky(omega + xp.diag(1 - kept)).T * kept[None, :] * kept[:, None]
