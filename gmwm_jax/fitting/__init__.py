@@ -62,14 +62,16 @@ by_scale = jax.jit(jax.grad(correlation_time))(jnp.asarray(wv.variance))
 many = jax.jit(jax.vmap(correlation_time))(wv.variance * np.linspace(0.9, 1.1, 20)[:, None])
 ```
 
-Priors, shared parameters, constraints
---------------------------------------
+Priors, bounds, shared parameters, constraints
+----------------------------------------------
 ```python
 wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 20_000, channels=["gyro_x", "gyro_y"]))
 found = gj.fitting.posterior(
     wv, "WN + GM", shared=["GM beta"], priors={"WN sigma2": gj.fitting.Prior(8e-6, factor=1.5)}
 )
 print(found)
+tau = {"GM beta": (1 / (1000 * wv.rate), 1 / (10 * wv.rate))}  # a correlation time between 10 and 1000 s
+print(gj.fitting.posterior(wv, "WN + GM", bounds=tau))
 ```
 
 How to keep a fit

@@ -2,7 +2,9 @@
 
 Saddle-free (Dauphin et al. 2014): the eigenvalues of the Hessian are taken by their size, so that a step leads down
 along what bends down as well, and an eigenvalue of zero is no step. Steps are as long as the quadratic model deserves
-(a trust region, Conn, Gould & Toint 2000): in the logarithm of a correlation time, at first a factor of e.
+(a trust region, Conn, Gould & Toint 2000): in the logarithm of a correlation time, at first a factor of e. In a bounded
+problem coordinates whose slope leads out of their box stay where they are, and steps end at its walls (projected
+Newton, Bertsekas 1982).
 """
 
 from typing import NamedTuple
@@ -24,6 +26,8 @@ _NO_GAIN = 1e-24
 _FLAT = 1e-12
 """Of the largest eigenvalue: the smallest that a step is divided by."""
 _TINY = 1e-300
+TOUCHES = 1e-9
+"""Of a coordinate: this close to a bound it is at it."""
 
 
 class _State(NamedTuple):
@@ -61,16 +65,24 @@ def descend(
         settled = ~first & (length < jnp.where(taken, _SMALLEST_STEP, _SMALLEST_RADIUS))
 
         here = jax.tree.map(lambda new, old: jnp.where(taken, new, old), there, s.here)
+        u = jnp.where(taken, s.u + s.move, s.u)
+        if layout.bounded:
+            here = _held(here, stuck(here.gradient, u, data))
         bends, axes = jnp.linalg.eigh(here.hessian)
         size = jnp.maximum(jnp.abs(bends), _FLAT * jnp.max(jnp.abs(bends)) + _TINY)
         along = axes.T @ here.gradient
         newton = -(axes @ (along / size))
         share = jnp.minimum(1.0, radius / jnp.maximum(jnp.max(jnp.abs(newton)), _TINY))
-        expected = jnp.sum(along * along / size) * share * (1 - share / 2)
+        move = share * newton
+        if layout.bounded:
+            move = jnp.clip(u + move, *data.bounds.T) - u
+            expected = -jnp.sum(here.gradient * move) * (1 - share / 2)
+        else:
+            expected = jnp.sum(along * along / size) * share * (1 - share / 2)
         return _State(
-            u=jnp.where(taken, s.u + s.move, s.u),
+            u=u,
             here=here,
-            move=share * newton,
+            move=move,
             expected=expected,
             share=share,
             radius=radius,
@@ -85,3 +97,16 @@ def descend(
     begin = _State(start, nowhere, jnp.zeros(num), none, none + 1, radius, jnp.asarray(False), jnp.asarray(0))
     last = lax.while_loop(unfinished, step, begin)
     return last.u, last.here
+
+
+def stuck(gradient: Float[Array, " C"], u: Float[Array, " C"], data: Data) -> Bool[Array, " C"]:
+    """Coordinates at a bound beyond which the objective falls."""
+    low, high = data.bounds.T
+    return (u <= low + TOUCHES) & (gradient > 0) | (u >= high - TOUCHES) & (gradient < 0)
+
+
+def _held(here: Reduced, held: Bool[Array, " C"]) -> Reduced:
+    """The derivatives of the problem in which some coordinates are held."""
+    free = jnp.where(held, 0.0, 1.0)
+    alone = jnp.max(jnp.abs(here.hessian)) * jnp.diag(1 - free)
+    return here._replace(gradient=here.gradient * free, hessian=here.hessian * free[:, None] * free[None, :] + alone)

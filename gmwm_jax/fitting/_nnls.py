@@ -1,4 +1,4 @@
-"""Small non-negative least squares: minimise |y - B x|^2 over x >= 0 for a handful of columns, vmapped.
+"""Small least squares over x >= 0, or low <= x <= high: minimise |y - B x|^2 for a handful of columns, vmapped.
 
 Block principal pivoting (Portugal, Judice & Vicente 1994; Kim & Park 2011): exchange every index that violates its sign
 between the active and the passive set, and fall back to Murty's single exchange, which is finite, when that does not
@@ -77,3 +77,58 @@ def solve_nonnegative(
     start = (none, jnp.zeros(num), guess, jnp.asarray(num + 1), jnp.asarray(_FULL_EXCHANGES), jnp.asarray(0))
     passive, x, *_ = lax.while_loop(unfinished, exchange, start)
     return jnp.maximum(x, 0.0), passive
+
+
+def solve_between(
+    G: Float[Array, "P P"],
+    b: Float[Array, " P"],
+    size: Float[Array, ""],
+    guess: Bool[Array, " P"],
+    low: Float[Array, " P"],
+    high: Float[Array, " P"],
+) -> tuple[Float[Array, " P"], Bool[Array, " P"]]:
+    """Minimise x'G x/2 - b'x over low <= x <= high.
+
+    Parameters
+    ----------
+    G, b, size, guess
+        As of `solve_nonnegative`.
+    low, high
+        The lower ends are finite, the upper ones may be infinite.
+
+    Returns
+    -------
+    x
+        The solution.
+    passive
+        The columns whose coefficient is inside.
+    """
+    index = jnp.arange(b.shape[0])
+
+    def at(passive: Array, upper: Array) -> Array:
+        ends = jnp.where(upper, high, low)
+        held = jnp.where(passive, 0.0, ends)
+        return jnp.where(passive, solve_passive(G, b - G @ held, passive), ends)
+
+    def unfinished(state: tuple) -> Array:
+        _, _, _, wrong, _, _, count = state
+        return (jnp.any(wrong) | (count == 0)) & (count < _MAX_EXCHANGES)
+
+    def exchange(state: tuple) -> tuple:
+        passive, upper, x, wrong, fewest, patience, count = state
+        last = index == jnp.max(jnp.where(wrong, index, -1))
+        moved = jnp.where(patience > 0, wrong, last)
+        upper = jnp.where(moved, passive & (x > high), upper)
+        passive = passive ^ moved
+        x = at(passive, upper)
+        pull = b - G @ x
+        outwards = jnp.where(upper, -pull, pull)
+        wrong = jnp.where(passive, (x < low) | (x > high), outwards > _TOLERANCE * size)
+        num_wrong = jnp.sum(wrong)
+        patience = jnp.where(num_wrong < fewest, _FULL_EXCHANGES, patience - 1)
+        return passive, upper, x, wrong, jnp.minimum(fewest, num_wrong), patience, count + 1
+
+    none = jnp.zeros(b.shape, dtype=bool)
+    start = (none, none, low, guess, jnp.asarray(len(index) + 1), jnp.asarray(_FULL_EXCHANGES), jnp.asarray(0))
+    passive, _, x, *_ = lax.while_loop(unfinished, exchange, start)
+    return jnp.clip(x, low, high), passive

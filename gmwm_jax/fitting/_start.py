@@ -19,7 +19,7 @@ _NUM_PLACEMENTS = 1000
 
 
 def lattice(
-    kinds: tuple[type[AbstractProcess], ...], tau_max: float, key: PRNGKey | None = None
+    kinds: tuple[type[AbstractProcess], ...], tau_max: float, key: PRNGKey | None = None, *, alike: bool = True
 ) -> tuple[Float[np.ndarray, "S C"], Float[np.ndarray, "S C"]]:
     """Placements of the components whose shape is free, and nodes at which to try single ones.
 
@@ -32,6 +32,8 @@ def lattice(
     key
         Moves every node but those at the ends of a line at random, by up to half the distance to its neighbours; None
         leaves them where they are.
+    alike
+        Components of a kind may change places: only one of the two ways to place them is needed.
 
     Returns
     -------
@@ -47,10 +49,10 @@ def lattice(
     choices = []
     for kind, count in groups:
         num = count
-        while math.comb(num + 1, count) <= budget:
+        while (math.comb(num + 1, count) if alike else (num + 1) ** count) <= budget:
             num += 1
         at = _nodes(kind, tau_max, num, key)
-        choices.append(list(itertools.combinations(at, count)))
+        choices.append(list(itertools.combinations(at, count) if alike else itertools.product(at, repeat=count)))
     placements = np.array([np.concatenate(sum(parts, ())) for parts in itertools.product(*choices)])
     columns = {kind: _nodes(kind, tau_max, len(placements), key) for kind, _ in groups}
     return placements, np.column_stack([columns[kind] for kind in kinds])

@@ -1,4 +1,4 @@
-"""Priors, shared parameters and linear constraints: the log-density of parameters, its mode, and what is known there.
+"""Priors, shared parameters, constraints, bounds: the log-density of parameters, its mode, and what is known there.
 
 The wavelet variance is close to normal, nu_hat ~ N(nu(theta), V), with V taken under a first fit; on the real line of
 each parameter (its logarithm, or logit), eta, a prior is normal too. Hence, for channels that need not be independent
@@ -10,11 +10,18 @@ up to a constant, on the flat set C eta = d of what is shared and constrained, i
 of nothing else. Without priors its mode is the fit with ``weights="covariance"``; the covariance at the mode is the inverse
 of N'(sum A'V^-1 A + diag(1/s^2))N with A = d nu/d eta and N a basis of the set (Laplace's approximation, with the expected
 curvature: Gelman et al. 2013, ch. 4; Chernozhukov & Hong 2003 for the quasi-likelihood of moments).
+
+Bounds cut the density off: it is zero outside. The mode then lies at some of them, which a primal-dual active set finds
+(Hintermueller, Ito & Kunisch 2003), and the others are those of the problem in which these are held. To first order what
+is at a bound is the projection of an estimate without it, whose standard error, s, it has: its interval runs from the
+bound inwards by z s (as far as the other bound), and holds the truth in 95 % or more wherever between the bounds that is.
+The intervals of the others are those of a held one, and longer, by the root of the sum of squares, on the side to which
+they would move with it. All intervals end at the bounds. `gmwm_jax.fitting.boundary` has the same for zeros.
 """  # noqa: E501
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,13 +30,16 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import confidence, integer, positive, require_x64, typed_key
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax.fitting.bounds import Bounds, checked
+from gmwm_jax.fitting.estimation import estimate
 from gmwm_jax.fitting.estimator import fit
+from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.tables import EstimateTable, parameter_table
 from gmwm_jax.fitting.weights import root_of
@@ -41,6 +51,14 @@ from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wave
 _MAX_STEPS = 500
 _DEPENDENT = 1e-10
 """Of the largest singular value of the constraints: rows below it say what others say."""
+_TOUCHES = 1e-8
+"""Of a parameter on the real line: this close to a bound it is at it."""
+_CLOSE = 1e-5
+"""Standard errors from the mode at which a search has converged."""
+_ONE = 1e-9
+"""1 - correlation^2 of parameters that are one."""
+_MAX_EXCHANGES = 30
+"""Of what is taken to be at a bound."""
 
 
 class Prior(NamedTuple):
@@ -89,6 +107,10 @@ class LogDensity(eqx.Module):
     median: Float[Array, " E"]
     precision: Float[Array, " E"]
     """1/s of the priors; 0 where there is none."""
+    low: Float[Array, " E"]
+    """Lower bounds; -inf where there are none."""
+    high: Float[Array, " E"]
+    """Upper bounds; inf where there are none."""
 
     @property
     def num_coordinates(self) -> int:
@@ -118,9 +140,10 @@ class LogDensity(eqx.Module):
         return jnp.concatenate([data.ravel(), (eta - self.median) * self.precision])
 
     def __call__(self, z: Float[Array | np.ndarray, " Z"]) -> Float[Array, ""]:
-        """Log p(z | nu_hat) up to a constant."""
-        r = self.residuals(z)
-        return -jnp.sum(r * r) / 2
+        """Log p(z | nu_hat) up to a constant; -inf beyond a bound."""
+        r, eta = self.residuals(z), self.eta(z)
+        inside = jnp.all((eta >= self.low - _TOUCHES) & (eta <= self.high + _TOUCHES))
+        return jnp.where(inside, -jnp.sum(r * r) / 2, -jnp.inf)
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,11 +159,13 @@ class Posterior:
     names
         Of the parameters of all channels, as ``GM beta``, or ``gyro_x GM beta`` where there are several channels.
     z, converged
-        The mode, and whether the search ended there.
+        The mode, and whether the search ended there: less than 1e-5 standard errors from it.
     covariance
-        Of all parameters on the real line; shared ones are perfectly correlated.
+        Of all parameters on the real line; shared ones are perfectly correlated, and one at a bound is held.
     level
         Confidence of intervals.
+    at_bounds
+        Name of a parameter that is at a bound -> at which.
     """
 
     density: LogDensity
@@ -150,6 +175,7 @@ class Posterior:
     converged: bool
     covariance: Float[np.ndarray, "E E"]
     level: float
+    at_bounds: Mapping[str, Outcome]
 
     @cached_property
     def models(self) -> dict[str, Composite]:
@@ -158,12 +184,55 @@ class Posterior:
         return {f.wv.channels[0]: jax.tree.map(np.asarray, m) for f, m in zip(self.fits, found, strict=True)}
 
     def parameters(self, channel: str | int = 0) -> EstimateTable:
-        """The parameters of one channel per sample, with intervals from the covariance at the mode."""
+        """The parameters of one channel per sample, with intervals from the covariance at the mode.
+
+        Beside bounds they are no longer symmetric on the real line, see `gmwm_jax.fitting.bayes`.
+        """
         number = list(self.models).index(channel) if isinstance(channel, str) else channel
         model, size = list(self.models.values())[number], self.density.template.num_parameters
-        errors = np.sqrt(np.diag(self.covariance))[number * size : (number + 1) * size]
+        own = slice(number * size, (number + 1) * size)
+        ends = None if self._ends is None else (self._ends[0][own], self._ends[1][own])
+        errors = np.sqrt(np.diag(self.covariance))[own]
         unit, z = self.fits[number].unit, normal_quantile(self.level)
-        return parameter_table(model, unit, z=z, level=self.level, errors=errors, boundary={})
+        table = parameter_table(model, unit, z=z, level=self.level, errors=errors, boundary={}, ends=ends)
+        noted = [
+            replace(e, note=self.at_bounds.get(name, e.note)) for e, name in zip(table, self.names[own], strict=True)
+        ]
+        return replace(table, estimates=tuple(noted))
+
+    @cached_property
+    def _held(self) -> Bool[np.ndarray, " E"]:
+        """Which of all parameters are at a bound."""
+        return np.array([name in self.at_bounds for name in self.names])
+
+    @cached_property
+    def _ends(self) -> tuple[Float[np.ndarray, " E"], Float[np.ndarray, " E"]] | None:
+        """Both ends of the intervals of all parameters on the real line; None without bounds."""
+        low, high = np.asarray(self.density.low), np.asarray(self.density.high)
+        if not np.any(np.isfinite(low) | np.isfinite(high)):
+            return None
+        z, eta = normal_quantile(self.level), np.asarray(self.density.eta(self.z))
+        half = z * np.sqrt(np.diag(self.covariance))
+        squares = np.stack([half**2, half**2])
+        free = np.asarray(_covariance(self.density, self.z, np.zeros(len(eta), dtype=bool)))
+        left = self._held.copy()
+        own = {}
+        for k in np.flatnonzero(self._held):
+            inwards = 1.0 if self.at_bounds[self.names[k]] is Outcome.LOWER_BOUND else -1.0
+            length = min(z * np.sqrt(free[k, k]), high[k] - low[k])
+            own[k] = (eta[k], eta[k] + inwards * length)
+            if not left[k]:  # it is one with another that has run
+                continue
+            one = free[k] ** 2 > (1 - _ONE) * free[k, k] * np.diag(free)
+            left = left & ~one
+            C = np.asarray(_covariance(self.density, self.z, self._held & ~one))
+            moves = C[k] / C[k, k] * inwards * length
+            squares += np.maximum(np.stack([-moves, moves]), 0) ** 2
+        ends = np.clip(eta - np.sqrt(squares[0]), low, high), np.clip(eta + np.sqrt(squares[1]), low, high)
+        for k, (at, inner) in own.items():
+            ends[0][k], ends[1][k] = min(at, inner), max(at, inner)
+        none = ~(np.diag(free) > 0)  # it was fixed
+        return np.where(none, np.nan, ends[0]), np.where(none, np.nan, ends[1])
 
     def sample(self, num_samples: int, *, key: PRNGKey, num_warmup: int = 500) -> Float[np.ndarray, "S E"]:
         """Draw from the posterior by the no-U-turn sampler (Hoffman & Gelman 2014); needs the extra ``sampling``.
@@ -183,7 +252,8 @@ class Posterior:
         num_samples = integer("num_samples", num_samples, 1)
         blackjax = import_optional("blackjax", "sampling")
         # in coordinates of unit covariance
-        scale = np.linalg.cholesky(self.density.basis.T @ self.covariance @ self.density.basis)
+        free = _covariance(self.density, self.z, np.zeros(len(self.names), dtype=bool))
+        scale = np.linalg.cholesky(self.density.basis.T @ free @ self.density.basis)
 
         def density(x: Array) -> Array:
             return self.density(jnp.asarray(self.z) + scale @ x)
@@ -229,10 +299,11 @@ def posterior(
     priors: Mapping[str, Prior] | None = None,
     shared: Sequence[str] = (),
     constraints: Sequence[Constraint] = (),
+    bounds: Bounds | None = None,
     solver: optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None = None,
     level: float = 0.95,
 ) -> Posterior:
-    """Estimate a model with priors, parameters that channels share, and linear constraints.
+    """Estimate a model with priors, parameters that channels share, linear constraints, and bounds.
 
     Parameters
     ----------
@@ -247,9 +318,13 @@ def posterior(
         Names of parameters that all channels have in common.
     constraints
         On the real line of the parameters, see `Constraint`; without the name of a channel it holds in each.
+    bounds
+        Name of a parameter -> the two values, per sample, that it lies between, for all channels or for one:
+        ``{"GM beta": (1 / (1000 * rate), 1 / (10 * rate))}`` for a correlation time of 10 to 1000 s; 0 or infinity where
+        one of them is open. A parameter that comes to lie at a bound is marked, and its interval begins there.
     solver
         Of optimistix, a least-squares solver or a minimiser; by default Levenberg-Marquardt. It starts from the fits of the
-        channels alone, which were searched for globally.
+        channels alone, which were searched for globally, between the bounds.
     level
         Confidence of the intervals.
 
@@ -260,9 +335,9 @@ def posterior(
     Raises
     ------
     ValueError
-        An unknown name, no theory, constraints that contradict each other, a component that the data push to zero or to
-        a limit and whose amplitude has no prior; a prior that is not positive; a model with coordinates that are no
-        parameters (ARMA).
+        An unknown name, no theory, constraints that contradict each other or the bounds, a component that the data push
+        to zero or to a limit and whose amplitude has no prior; a prior that is not positive, bounds that are no range; a
+        model with coordinates that are no parameters (ARMA).
     RuntimeError
         x64 is off, or a fit of one channel did not converge.
 
@@ -272,6 +347,9 @@ def posterior(
     >>> found = gj.fitting.posterior(wv, "WN + RW", priors={"RW gamma2": gj.fitting.Prior(1e-9, factor=3.0)})
     >>> found.names, found.converged
     (('WN sigma2', 'RW gamma2'), True)
+    >>> found = gj.fitting.posterior(wv, "WN + RW", bounds={"RW gamma2": (1e-12, 1e-11)})
+    >>> found.parameters()["RW", "gamma2"].note.value
+    'at its upper bound'
     """  # noqa: E501
     require_x64()
     level = confidence(level)
@@ -284,7 +362,9 @@ def posterior(
     fits = tuple(fit(wv[i], model, weights="covariance", level=level) for i in range(len(wv.channels)))
     names = _names(fits)
     median, precision = _priors(names, len(fits), priors or {})
-    start = _start(fits, names, median, precision)
+    between = _between(names, len(fits), bounds or {}, model)
+    low, high = _on_lines(between, model, len(fits))
+    start = np.clip(_start(_begin(fits, between, names, model), names, median, precision), low, high)
     C, d = _constraints(names, fits, shared, constraints, start)
     origin, basis = _flat(C, d, start)
     density = LogDensity(
@@ -296,10 +376,15 @@ def posterior(
         basis=jnp.asarray(basis),
         median=jnp.asarray(median),
         precision=jnp.asarray(precision),
+        low=jnp.asarray(low),
+        high=jnp.asarray(high),
     )
-    z, converged = _mode(density, density.coordinates(jnp.asarray(start)), _LEVENBERG if solver is None else solver)
-    covariance = np.asarray(_covariance(density, z))
-    return Posterior(density, fits, names, np.asarray(z), bool(converged), covariance, level)
+    at = density.coordinates(jnp.asarray(start))
+    z, held, converged = _mode_between(density, at, _LEVENBERG if solver is None else solver)
+    ends = {1: Outcome.UPPER_BOUND, -1: Outcome.LOWER_BOUND}
+    at_bounds = {name: ends[int(side)] for name, side in zip(names, held, strict=True) if side}
+    covariance = np.asarray(_covariance(density, z, held != 0))
+    return Posterior(density, fits, names, np.asarray(z), converged, covariance, level, at_bounds)
 
 
 def posterior_mode(
@@ -309,6 +394,9 @@ def posterior_mode(
     solver: optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None = None,
 ) -> Float[Array, " Z"]:
     """The mode of a log-density: pure, so that it moves with moments and priors under grad, by the solver's adjoint.
+
+    A parameter that is at a bound at the start stays there, and moves with that bound alone; look whether another one
+    leaves its bounds on the way.
 
     Parameters
     ----------
@@ -326,35 +414,103 @@ def posterior_mode(
     >>> bool(np.allclose(gj.fitting.posterior_mode(found.density, jnp.asarray(found.z)), found.z))
     True
     """
-    return _mode(density, start, _LEVENBERG if solver is None else solver)[0]
+    eta = density.eta(start)
+    lower, upper = eta <= density.low + _TOUCHES, eta >= density.high - _TOUCHES
+    return _mode(density, start, lower, upper, _LEVENBERG if solver is None else solver)
 
 
 _LEVENBERG: Any = optx.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
 
 
-def _mode(density: LogDensity, start: Array, solver: Any) -> tuple[Array, Any]:
-    """The mode, and whether the solver says that it is there."""
-    options: Any = {"args": density, "max_steps": _MAX_STEPS, "throw": False}
+class _Held(NamedTuple):
+    """A problem some of whose parameters are at a bound: z = origin + P y."""
+
+    density: LogDensity
+    origin: Float[Array, " Z"]
+    P: Float[Array, "Z Z"]
+
+    def z(self, y: Array) -> Array:
+        return self.origin + self.P @ y
+
+
+def _projector(density: LogDensity, held: Any) -> tuple[Array, Array]:
+    """P onto the directions in which nothing that is held moves, and the way of what is held in z, (Z, E)."""
+    rows = density.basis * jnp.where(held, 1.0, 0.0)[:, None]
+    inverse = jnp.linalg.pinv(rows, rtol=_DEPENDENT)
+    return jnp.eye(density.num_coordinates) - inverse @ rows, inverse
+
+
+def _mode(density: LogDensity, start: Array, lower: Any, upper: Any, solver: Any) -> Float[Array, " Z"]:
+    """The mode with parameters held at a bound."""
+    held, bound = lower | upper, jnp.where(lower, density.low, density.high)
+    P, inverse = _projector(density, held)
+    origin = start + inverse @ jnp.where(held, bound - density.eta(start), 0.0)
+    problem = _Held(density, origin, P)
+    options: Any = {"args": problem, "max_steps": _MAX_STEPS, "throw": False}
+    zero = jnp.zeros_like(start)
     if isinstance(solver, optx.AbstractLeastSquaresSolver):
-        found = optx.least_squares(_residuals, solver, start, **options)
+        found = optx.least_squares(_residuals, solver, zero, **options)
     else:
-        found = optx.minimise(_minus_log, solver, start, **options)
-    return found.value, found.result == optx.RESULTS.successful
+        found = optx.minimise(_minus_log, solver, zero, **options)
+    return problem.z(found.value)
 
 
-def _residuals(z: Array, density: LogDensity) -> Array:
-    return density.residuals(z)
+def _residuals(y: Array, problem: _Held) -> Array:
+    """Those of the density, and y where it moves nothing."""
+    return jnp.concatenate([problem.density.residuals(problem.z(y)), y - problem.P @ y])
 
 
-def _minus_log(z: Array, density: LogDensity) -> Array:
-    return -density(z)
+def _minus_log(y: Array, problem: _Held) -> Array:
+    r = _residuals(y, problem)
+    return jnp.sum(r * r) / 2
 
 
-@partial(jax.jit)
-def _covariance(density: LogDensity, z: Array) -> Float[Array, "E E"]:
-    """N (J'J)^-1 N' with J the derivative of all residuals by z."""
-    J = jax.jacfwd(density.residuals)(z)
-    return density.basis @ jnp.linalg.inv(J.T @ J) @ density.basis.T
+def _mode_between(density: LogDensity, start: Array, solver: Any) -> tuple[Array, np.ndarray, bool]:
+    """The mode between the bounds, where parameters are at one of them (-1 the lower, 1 the upper), and is it there?
+
+    Held is what would go beyond its bound, until its slope leads inwards.
+    """
+    low, high = np.asarray(density.low), np.asarray(density.high)
+    side, z = np.zeros(len(low), dtype=int), start
+    for _ in range(_MAX_EXCHANGES):
+        z = _mode(density, z, side < 0, side > 0, solver)
+        eta, at = np.asarray(density.eta(z)), np.where(side < 0, low, high)
+        if np.any(np.abs(eta - at)[side != 0] > _TOUCHES):
+            raise ValueError("What is shared, held and constrained contradicts the bounds: no parameters satisfy both.")
+        slope = np.linalg.lstsq(np.asarray(density.basis)[side != 0].T, np.asarray(_slope(density, z)))[0]
+        kept = np.zeros_like(side)
+        kept[side != 0] = np.where(side[side != 0] * slope <= 0, side[side != 0], 0)
+        beyond = np.where(eta < low - _TOUCHES, -1, np.where(eta > high + _TOUCHES, 1, 0))
+        following = np.where(beyond != 0, beyond, kept)
+        if np.array_equal(following, side):
+            return z, side, bool(_distance(density, z, side != 0) < _CLOSE)
+        side = following
+    return z, side, False
+
+
+@jax.jit
+def _slope(density: LogDensity, z: Array) -> Float[Array, " Z"]:
+    """Of minus the log-density."""
+    return jax.grad(lambda z: jnp.sum(density.residuals(z) ** 2) / 2)(z)
+
+
+@jax.jit
+def _distance(density: LogDensity, z: Array, held: Bool[Array, " E"]) -> Float[Array, ""]:
+    """From a mode, in its standard errors; a solver whose steps are below rounding does not say that it is there."""
+    slope = _slope(density, z)
+    return jnp.sqrt(slope @ _inner(density, z, held) @ slope)
+
+
+@jax.jit
+def _covariance(density: LogDensity, z: Array, held: Bool[Array, " E"]) -> Float[Array, "E E"]:
+    """N P (P J'J P)^-1 P N' with J the derivative of all residuals by z, what is held apart."""
+    return density.basis @ _inner(density, z, held) @ density.basis.T
+
+
+def _inner(density: LogDensity, z: Array, held: Bool[Array, " E"]) -> Float[Array, "Z Z"]:
+    P, _ = _projector(density, held)
+    J = jax.jacfwd(density.residuals)(z) @ P
+    return P @ jnp.linalg.inv(J.T @ J + jnp.eye(len(z)) - P) @ P
 
 
 def _names(fits: Sequence[Fit]) -> tuple[str, ...]:
@@ -386,10 +542,67 @@ def _priors(names: Sequence[str], num_channels: int, priors: Mapping[str, Prior]
     return median, precision
 
 
-def _start(fits: Sequence[Fit], names: Sequence[str], median: np.ndarray, precision: np.ndarray) -> np.ndarray:
+def _between(
+    names: Sequence[str], num_channels: int, bounds: Bounds, model: Composite
+) -> dict[int, tuple[float, float]]:
+    """Position -> bounds per sample; those named with their channel override."""
+    parameters = [q for _ in range(num_channels) for p in model.processes for q in p.parameters]
+    found = {}
+    for name in sorted(bounds, key=lambda n: n in names):
+        for i in _positions(name, names, num_channels):
+            low, high = checked(name, bounds[name], parameters[i])
+            found[i] = float(low), float(high)
+    return found
+
+
+def _on_lines(
+    between: Mapping[int, tuple[float, float]], model: Composite, num_channels: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The bounds of all parameters on the real line, infinite where there are none."""
+    parameters = [q for _ in range(num_channels) for p in model.processes for q in p.parameters]
+    ends = [
+        [float(q.to_line(x)) for x in between[i]] if i in between else [-np.inf, np.inf]
+        for i, q in enumerate(parameters)
+    ]
+    low, high = np.array(ends).T
+    return low, high
+
+
+class _Begin(NamedTuple):
+    """Where the search for the mode of one channel begins."""
+
+    model: Composite
+    at_boundary: Mapping[str, Outcome]
+
+
+def _begin(
+    fits: Sequence[Fit], between: Mapping[int, tuple[float, float]], names: Sequence[str], model: Composite
+) -> list[_Begin]:
+    """The fits of the channels alone, between the bounds."""
+    if not between:
+        return [_Begin(f.model, f.at_boundary) for f in fits]
+    begin, size = [], model.num_parameters
+    short = [f"{label} {q.name}" for label, p in zip(model.labels, model.processes, strict=True) for q in p.parameters]
+    for c, f in enumerate(fits):
+        own = {short[i - c * size]: ends for i, ends in between.items() if c * size <= i < (c + 1) * size}
+        found = estimate(f.wv, model, weights=f.omega, bounds=own)
+        at_boundary, at = {}, 0
+        for k, (label, p) in enumerate(zip(found.model.labels, found.model.processes, strict=True)):
+            shape = tuple(float(s) for s in p.shape)
+            limit = Outcome.at(p.limit_of(shape, float(f.wv.scales[-1]))) if shape else Outcome.ESTIMATED
+            if bool(found.at_zero[k]):
+                at_boundary[label] = Outcome.ZERO
+            elif limit and not np.any(np.asarray(found.at_bound)[at : at + len(shape)]) and not p.fixed:
+                at_boundary[label] = limit
+            at += len(p.parameters)
+        begin.append(_Begin(found.model, at_boundary))
+    return begin
+
+
+def _start(begin: Sequence[_Begin], names: Sequence[str], median: np.ndarray, precision: np.ndarray) -> np.ndarray:
     """The fits of the channels alone on the real line, at a boundary the priors; medians become those of the line."""
     start, at = [], 0
-    for f in fits:
+    for f in begin:
         for label, p in zip(f.model.labels, f.model.processes, strict=True):
             for q, value in zip(p.parameters, p.values, strict=True):
                 if precision[at]:

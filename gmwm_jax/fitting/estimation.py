@@ -23,6 +23,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import require_x64
+from gmwm_jax.fitting.bounds import Bounds
 from gmwm_jax.fitting.problem import Problem, require_fittable
 from gmwm_jax.fitting.reduced import Data, Layout, columns_and_slopes
 from gmwm_jax.fitting.search import SIZE, Solution, minimise, smallest_slope
@@ -49,6 +50,8 @@ class Estimates(eqx.Module):
     """Did the search end at a minimum?"""
     at_zero: Bool[Array, "*B P"]
     """Components, in the order of the model, whose amplitude is zero."""
+    at_bound: Bool[Array, "*B Q"]
+    """Parameters, in the order of `parameters`, that are at one of the bounds they were given."""
     agreement: Float[Array, "*B"]
     """Share of the descents that came to this minimum."""
 
@@ -68,6 +71,7 @@ def estimate(
     model: str | AbstractProcess | Composite,
     *,
     weights: WeightsLike = None,
+    bounds: Bounds | None = None,
 ) -> Estimates:
     """Estimate a model from the wavelet variance of one channel: `gmwm_jax.fit` as a pure function of its arrays.
 
@@ -83,6 +87,10 @@ def estimate(
     weights
         As for `gmwm_jax.fit`, but not ``"iterated"``; an array may be traced: (J,), or (J, J) positive definite.
         A scale whose weight is zero is left out.
+    bounds
+        Name of a parameter -> the two values, per sample, that it lies between, which may be traced:
+        ``{"GM beta": (1 / (1000 * rate), 1 / (10 * rate))}`` for a correlation time of 10 to 1000 s; 0 or infinity
+        where one of them is open. Components with bounds stay where they stand in the model.
 
     Returns
     -------
@@ -91,15 +99,18 @@ def estimate(
     Raises
     ------
     ValueError
-        More free parameters than scales, unknown process, iterated weights, weights of another shape, several channels.
+        More free parameters than scales, unknown process, iterated weights, weights of another shape, several channels;
+        bounds of a parameter that is unknown or held, that are no range, or of a shape that is searched for together
+        with others (ARMA).
     RuntimeError
         x64 is off.
 
     Notes
     -----
     Derivatives are those of the minimum that was found. Where a component comes or goes, or the minimum changes to
-    another one, the estimate has a kink or a jump, and its derivative is one-sided. Nothing is raised while values are
-    traced: look at `converged`.
+    another one, the estimate has a kink or a jump, and its derivative is one-sided. A parameter at a bound moves with
+    the bound and with nothing else; the others move as where it is held. Nothing is raised while values are traced:
+    look at `converged`.
 
     Examples
     --------
@@ -122,7 +133,7 @@ def estimate(
     require_fittable(model, wv)
     if weights.needs_theory:
         wv.require_theory(f'Weights "{weights.name}"')
-    problem = Problem.of(model, float(wv.scales[-1]))
+    problem = Problem.of(model, float(wv.scales[-1]), bounds)
     places = problem.starting_points(None)
     return _with_weights(problem, places, wv, weights)
 
@@ -153,12 +164,14 @@ def solve(problem: Problem, places: tuple[Any, Any], tau: Any, nu: Any, omega: A
     """
     z, objective, solution = _solve(
         problem.layout, places, jnp.asarray(tau), jnp.asarray(nu), jnp.asarray(omega), problem.bounds, problem.shapes,
-        problem.held,
+        problem.held, None if problem.box is None else problem.box[:4],
     )  # fmt: skip
     model, order = _assembled(problem, z)
     converged = jnp.isfinite(solution.objective) & (solution.slope <= smallest_slope(solution.objective))
     agreement = solution.num_agreeing / problem.num_descents
-    return Estimates(model, objective, converged, (solution.amplitudes == 0)[jnp.stack(order)], agreement)
+    at_bound = [z.at_bound[k, : len(p.parameters)] for k, p in zip(order, model.processes, strict=True)]
+    at_zero = (solution.amplitudes == 0)[jnp.stack(order)]
+    return Estimates(model, objective, converged, at_zero, jnp.concatenate(at_bound), agreement)
 
 
 class _Point(NamedTuple):
@@ -178,6 +191,8 @@ class _Condition(NamedTuple):
     omega: Float[Array, "J J"]
     shapes: Any
     held: Float[Array, " P"]
+    free: Bool[Array, " P"]
+    """Amplitudes that are neither held nor at a bound."""
     found: _Point
     active: _Point
     """Whether each moves with the data."""
@@ -189,36 +204,42 @@ class _Minimum(NamedTuple):
     coordinates: Float[Array, " C"]
     amplitudes: Float[Array, " P"]
     at_zero: Bool[Array, " P"]
+    at_bound: Bool[Array, "P N"]
+    """Of each parameter; N is the largest number that a component has."""
 
 
 def _solve_once(
-    layout: Layout, places: Any, tau: Any, nu: Any, omega: Any, bounds: Any, shapes: Any, held: Any
+    layout: Layout, places: Any, tau: Any, nu: Any, omega: Any, bounds: Any, shapes: Any, held: Any, box: Any
 ) -> tuple[_Minimum, Array, Solution]:
     still = jax.lax.stop_gradient
     whitener = root_of(still(omega))
     whitened = whitener @ still(nu)
     unit = jnp.max(jnp.abs(whitened)) / SIZE
-    data = Data(whitened / unit, whitener / unit, tau, jnp.asarray(bounds), still(shapes), still(jnp.asarray(held)))
+    bounds, held = jnp.asarray(bounds), jnp.asarray(held)
+    limits = None if box is None else jnp.asarray(box[1])
+    data = Data(whitened / unit, whitener / unit, tau, still(bounds), still(shapes), still(held), limits=still(limits))
     solution = minimise(layout, *map(jnp.asarray, still(places)), data)
 
     zero = solution.amplitudes == 0
-    free = jnp.asarray(layout.free_amplitude)
+    at_bound, limit = _at_bounds(layout, solution, data.bounds, limits, box)
+    free = jnp.asarray(layout.free_amplitude) & ~at_bound.amplitudes
     inside = jnp.all(jnp.abs(solution.coordinates[:, None] - data.bounds) > _AT_END, axis=1)
     owned = zero[layout.owners] if layout.num_shapes else jnp.zeros(0, dtype=bool)
     active = _Point(inside & ~owned, free & ~zero)
     at = still(jnp.where(zero, 1.0, solution.amplitudes))
-    # held amplitudes move with what holds them
-    relative = jnp.ones_like(at)
-    condition = _Condition(
-        layout, tau, nu, omega, shapes, jnp.asarray(held), _Point(solution.coordinates, relative), active, at, unit
-    )
+    # amplitudes that are held or at a bound move with what holds them, and so do coordinates at a bound
+    held = jnp.where(at_bound.amplitudes, limit, held)
+    nearest = jnp.argmin(jnp.abs(solution.coordinates[:, None] - data.bounds), axis=1)
+    ends = jnp.take_along_axis(bounds, nearest[:, None], axis=1)[:, 0]
+    found = _Point(jnp.where(at_bound.coordinates, ends, solution.coordinates), jnp.ones_like(at))
+    condition = _Condition(layout, tau, nu, omega, shapes, held, free, found, active, at, unit)
     solver = lx.SVD(rcond=_UNSEEN)
     # functions that capture nothing, as it asks
     z, _ = optx.ImplicitAdjoint(solver).apply(
         lambda inputs: (inputs[0].found, None), lambda z, _, inputs: _slope(z, inputs[0]), (condition,), frozenset()
     )
-    amplitudes = jnp.where(zero, 0.0, jnp.where(free, at * z.relative, jnp.asarray(held)))
-    minimum = _Minimum(z.coordinates, amplitudes, zero)
+    amplitudes = jnp.where(zero, 0.0, jnp.where(free, at * z.relative, held))
+    minimum = _Minimum(z.coordinates, amplitudes, zero, _by_parameter(layout, at_bound, zero))
     residual = nu - amplitudes @ _columns(layout, z.coordinates, shapes, tau)[0]
     return minimum, residual @ omega @ residual, solution
 
@@ -226,10 +247,43 @@ def _solve_once(
 _solve = jax.jit(_solve_once, static_argnums=0)
 
 
+class _AtBounds(NamedTuple):
+    """Which of them are at a bound of the user."""
+
+    coordinates: Bool[Array, " C"]
+    amplitudes: Bool[Array, " P"]
+
+
+def _at_bounds(
+    layout: Layout, solution: Solution, bounds: Float[Array, "C 2"], limits: Float[Array, "P 2"] | None, box: Any
+) -> tuple[_AtBounds, Float[Array, " P"]]:
+    """What is at a bound, and the bound that each amplitude is nearest to."""
+    if box is None or limits is None:
+        none = _AtBounds(*(jnp.zeros(len(x), dtype=bool) for x in (solution.coordinates, solution.amplitudes)))
+        return none, jnp.zeros_like(solution.amplitudes)
+    _, _, given_coordinates, given_amplitudes = (jnp.asarray(part) for part in box)
+    near = jnp.abs(solution.coordinates[:, None] - bounds) <= _AT_END
+    there = (solution.amplitudes[:, None] == jax.lax.stop_gradient(limits)) & given_amplitudes
+    there = there & jnp.asarray(layout.free_amplitude)[:, None]
+    coordinates = jnp.any(near & given_coordinates, axis=1)
+    return _AtBounds(coordinates, jnp.any(there, axis=1)), jnp.where(there[:, 1], limits[:, 1], limits[:, 0])
+
+
+def _by_parameter(layout: Layout, at_bound: _AtBounds, zero: Bool[Array, " P"]) -> Bool[Array, "P N"]:
+    """The same by component and parameter; the shape of a component that is zero is nowhere."""
+    rows = [[jnp.asarray(False)] * len(kind.parameters) for kind in layout.kinds]
+    for i, row in enumerate(rows):
+        row[-1] = at_bound.amplitudes[i]
+        at = layout.position(i) if i < layout.num_shapes else None
+        if isinstance(at, int):
+            row[0] = at_bound.coordinates[at] & ~zero[i]
+    num = max(map(len, rows))
+    return jnp.stack([jnp.stack(row + [jnp.asarray(False)] * (num - len(row))) for row in rows])
+
+
 def _slope(z: _Point, c: _Condition) -> _Point:
     """dQ/2 by what moves with the data, and by how much the rest has moved: zero at the minimum."""
-    free = jnp.asarray(c.layout.free_amplitude)
-    amplitudes = jnp.where(free, c.amplitudes * z.relative * _kept(c), c.held)
+    amplitudes = jnp.where(c.free, c.amplitudes * z.relative * _kept(c), c.held)
     columns, slopes = _columns(c.layout, z.coordinates, c.shapes, c.tau)
     pull = -(c.omega @ (c.nu - amplitudes @ columns)) / c.unit**2
     slope = _Point(amplitudes[c.layout.owners] * (slopes @ pull), c.amplitudes * (columns @ pull))
@@ -238,7 +292,7 @@ def _slope(z: _Point, c: _Condition) -> _Point:
 
 def _kept(c: _Condition) -> Float[Array, " P"]:
     """One for amplitudes that are not zero."""
-    return jnp.where(jnp.asarray(c.layout.free_amplitude) & ~c.active.relative, 0.0, 1.0)
+    return jnp.where(c.free & ~c.active.relative, 0.0, 1.0)
 
 
 def _columns(
@@ -281,8 +335,9 @@ def _assembled(problem: Problem, z: _Minimum) -> tuple[Composite, list[Array]]:
 
 
 def _alike(problem: Problem) -> list[list[int]]:
-    """Components that may change places: of one kind, and holding the same."""
+    """Components that may change places: of one kind, holding the same, and without bounds."""
     groups: dict[Any, list[int]] = {}
     for i, p in enumerate(problem.processes):
-        groups.setdefault((type(p), p.fixed), []).append(i)
+        own = problem.box is not None and problem.box.of_component[i]
+        groups.setdefault((type(p), p.fixed, i if own else None), []).append(i)
     return list(groups.values())

@@ -24,6 +24,10 @@ class Outcome(enum.StrEnum):
     """Its shape has left the range that the record can show: it is flicker noise."""
     QUANTISATION_NOISE = "at boundary: quantisation noise"
     """Its shape has left the range that the record can show: it is quantisation noise."""
+    LOWER_BOUND = "at its lower bound"
+    """The data push it below the values that it was said to lie between."""
+    UPPER_BOUND = "at its upper bound"
+    """The data push it above them."""
     UNIT_ROOT = "at boundary: unit root"
     """A root of its polynomials has come to the unit circle."""
     NOT_IDENTIFIED = "not identified"
@@ -38,5 +42,6 @@ class Outcome(enum.StrEnum):
 
     @property
     def at_boundary(self) -> bool:
-        """Is it zero or at a limit?"""
-        return self is Outcome.ZERO or self.name in Limit.__members__
+        """Is it zero, at a limit or at a bound?"""
+        ends = (Outcome.ZERO, Outcome.LOWER_BOUND, Outcome.UPPER_BOUND)
+        return self in ends or (self is not Outcome.ESTIMATED and self.name in Limit.__members__)

@@ -14,6 +14,7 @@ from gmwm_jax._internal.checks import concrete
 from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting._start import lattice
+from gmwm_jax.fitting.bounds import Bounds, Box, box_of, by_component
 from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.reduced import Layout
 from gmwm_jax.fitting.search import NUM_DESCENTS, NUM_ROUNDS, Solution
@@ -39,15 +40,17 @@ class Problem(NamedTuple):
     """Amplitudes that are held; 0 for those that are free."""
     tau_max: float
     """Longest span."""
+    box: Box | None = None
+    """Bounds of the user; None without them."""
 
     @classmethod
-    def of(cls, model: Composite, tau_max: float) -> "Problem":
-        """Pose the problem of estimating a model from spans up to tau_max.
+    def of(cls, model: Composite, tau_max: float, bounds: Bounds | None = None) -> "Problem":
+        """Pose the problem of estimating a model from spans up to tau_max, with parameters between bounds.
 
         Raises
         ------
         ValueError
-            Some of the shape parameters of a process are held, and others are not.
+            Some of the shape parameters of a process are held, and others are not; bounds that cannot be.
         """
         kinds = [type(p) for p in model.processes]
         order = sorted(
@@ -58,17 +61,27 @@ class Problem(NamedTuple):
             kinds=tuple(type(p) for p in processes),
             free_shape=tuple(_has_free_shape(p) for p in processes),
             free_amplitude=tuple(p.parameters[-1].name not in p.fixed for p in processes),
+            bounded=bool(bounds),
         )
         searched, given = processes[: layout.num_shapes], processes[layout.num_shapes :]
         held = [0.0 if free else p.amplitude for p, free in zip(processes, layout.free_amplitude, strict=True)]
+        ends = np.concatenate(
+            [np.zeros((0, 2)), *(np.reshape(p.coordinate_bounds(tau_max), (-1, 2)) for p in searched)]
+        )
+        box = None
+        if bounds:
+            own = by_component(bounds, model)
+            places = [layout.position(k) for k in range(layout.num_shapes)]
+            box = box_of(processes, [own[i] for i in order], ends, places)
         return cls(
             processes,
             tuple(order),
             layout,
-            np.concatenate([np.zeros((0, 2)), *(np.reshape(p.coordinate_bounds(tau_max), (-1, 2)) for p in searched)]),
+            ends if box is None else box.coordinates,
             tuple(p.shape for p in given),
             namespace(*known(*held)).stack(known(*held)),
             tau_max,
+            box,
         )
 
     @property
@@ -83,14 +96,20 @@ class Problem(NamedTuple):
 
     # -- where to look --------------------------------------------------------------------------------------------
 
-    def starting_points(self, key: PRNGKey | None) -> tuple[Float[np.ndarray, "S C"], Float[np.ndarray, "S C"]]:
+    def starting_points(
+        self, key: PRNGKey | None
+    ) -> tuple[Float[Array | np.ndarray, "S C"], Float[Array | np.ndarray, "S C"]]:
         """The lattice, and once more with the starting values that the model gives."""
-        searched = self.searched
-        placements, nodes = lattice(tuple(type(p) for p in searched), self.tau_max, key)
+        searched, box = self.searched, self.box
+        placements, nodes = lattice(tuple(type(p) for p in searched), self.tau_max, key, alike=box is None)
+        if box is not None:  # as many starts within a range of the user as there were in all
+            placements, nodes = (box.scaled(at) for at in (placements, nodes))
         given = {k: p.coordinate_from_shape(known(*p.shape)) for k, p in enumerate(searched) if None not in p.shape}
         if given:
             xp, at = namespace(*given.values()), [placements[:, c] for c in range(placements.shape[1])]
             for k, coordinates in given.items():
+                if box is not None:
+                    coordinates = xp.clip(coordinates, *box.coordinates[self.layout.position(k)].T)
                 for c, value in zip(np.r_[self.layout.position(k)], xp.atleast_1d(coordinates), strict=True):
                     at[c] = xp.broadcast_to(value, at[c].shape)
             moved = xp.stack(at, axis=1)

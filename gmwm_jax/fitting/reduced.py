@@ -21,7 +21,7 @@ from jax import Array
 from jax.scipy.linalg import cho_factor, cho_solve
 from jaxtyping import Bool, Float
 
-from gmwm_jax.fitting._nnls import passive_system, solve_nonnegative
+from gmwm_jax.fitting._nnls import passive_system, solve_between, solve_nonnegative
 from gmwm_jax.processes.base import AbstractProcess
 
 _STEP = 1e-6
@@ -34,6 +34,9 @@ class Layout(NamedTuple):
     kinds: tuple[type[AbstractProcess], ...]
     free_shape: tuple[bool, ...]
     free_amplitude: tuple[bool, ...]
+    bounded: bool = False
+    """Are coordinates and amplitudes held between bounds of the user? At these the objective has a slope, and nothing
+    is gained by reflecting there."""
 
     @property
     def num_shapes(self) -> int:
@@ -89,6 +92,8 @@ class Data(NamedTuple):
     """Amplitudes of all components; read where they are not free."""
     wanted: Bool[Array, " P"] | None = None
     """Components that may have a variance, among those whose amplitude is free; None for all."""
+    limits: Float[Array, "P 2"] | None = None
+    """Ends of the amplitudes of a bounded problem."""
 
 
 class Reduced(NamedTuple):
@@ -155,7 +160,7 @@ def _blocks(layout: Layout, amplitudes: Float[Array, " K"], bent: Float[Array, "
 
 def _shape_columns(layout: Layout, u: Float[Array, " C"], data: Data) -> Float[Array, "K J"]:
     """Unit wavelet variances of the components with a free shape, whitened."""
-    coordinates = fold(u, data.bounds)
+    coordinates = u if layout.bounded else fold(u, data.bounds)
     rows, at = [], 0
     for kind, count in layout.runs:  # one vmap for each run of equal kinds
         num = kind.num_coordinates
@@ -177,7 +182,7 @@ def _derivatives(
     for kind, count in layout.runs:
         num = kind.num_coordinates
         rows = slice(at, at + num * count)
-        v, d, dd = jax.vmap(_with_slopes(kind, data.tau))(
+        v, d, dd = jax.vmap(_with_slopes(kind, data.tau, reflects=not layout.bounded))(
             u[rows].reshape(count, num), data.bounds[rows].reshape(count, num, 2)
         )
         columns.append(v)
@@ -220,13 +225,13 @@ def _unit(kind: type[AbstractProcess], tau: Array) -> Any:
     return column
 
 
-def _with_slopes(kind: type[AbstractProcess], tau: Array) -> Any:
+def _with_slopes(kind: type[AbstractProcess], tau: Array, *, reflects: bool) -> Any:
     """A function of the coordinates of a component: its column, the slopes, and their differences."""
     directions = np.eye(kind.num_coordinates)
 
     def both(z: Float[Array, " D"], bounds: Float[Array, "D 2"]) -> tuple[Array, Array, Array]:
         def along(at: Array, direction: Array) -> tuple[Array, Array]:
-            return jax.jvp(lambda v: _unit(kind, tau)(fold(v, bounds)), (at,), (direction,))
+            return jax.jvp(lambda v: _unit(kind, tau)(fold(v, bounds) if reflects else v), (at,), (direction,))
 
         points = z[None] + _STEP * np.concatenate([np.zeros((1, len(directions))), directions])
         values, slopes = jax.vmap(lambda at: jax.vmap(lambda d: along(at, d))(jnp.asarray(directions)))(points)
@@ -277,6 +282,14 @@ def project(
     B = columns / length[None, :]
     G, b = B.T @ B, B.T @ y
     everything = jnp.ones(len(free), dtype=bool)
-    x, passive = solve_nonnegative(G, b, jnp.sqrt(jnp.sum(y * y)), everything if guess is None else guess)
-    amplitudes = data.amplitudes.at[free].set(x / length)
+    size, guess = jnp.sqrt(jnp.sum(y * y)), everything if guess is None else guess
+    if data.limits is None:
+        x, passive = solve_nonnegative(G, b, size, guess)
+        amplitudes = data.amplitudes.at[free].set(x / length)
+    else:
+        low, high = data.limits[free].T
+        x, passive = solve_between(G, b, size, guess, low * length, high * length)
+        # those at an end are there to the last bit
+        at_end = jnp.where(x >= high * length, high, low)
+        amplitudes = data.amplitudes.at[free].set(jnp.where(passive, jnp.clip(x / length, low, high), at_end))
     return Projection(y - B @ x, amplitudes, B, G, passive)

@@ -21,7 +21,7 @@ import numpy as np
 from jax import Array, lax
 from jaxtyping import Float, Int
 
-from gmwm_jax.fitting._descent import descend
+from gmwm_jax.fitting._descent import TOUCHES, descend
 from gmwm_jax.fitting.reduced import Data, Layout, design, fold, objective, project
 
 NUM_ROUNDS = 2
@@ -163,9 +163,17 @@ def _ends(layout: Layout, starts: Float[Array, "S C"], data: Data, max_steps: In
         u, end = descend(layout, start, data, max_steps)
         lowest = jnp.where(jnp.isfinite(end.half), 2 * end.half, jnp.inf)
         slope = 2 * jnp.max(jnp.abs(end.gradient))
-        return Solution(fold(u, data.bounds), end.amplitudes, lowest, slope, jnp.asarray(1))
+        return Solution(_inside(layout, u, data), end.amplitudes, lowest, slope, jnp.asarray(1))
 
     return jax.vmap(end)(starts)
+
+
+def _inside(layout: Layout, u: Float[Array, " C"], data: Data) -> Float[Array, " C"]:
+    """Coordinates within their ends; those that have come to one are there to the last bit."""
+    if not layout.bounded:
+        return fold(u, data.bounds)
+    low, high = data.bounds.T
+    return jnp.where(u <= low + TOUCHES, low, jnp.where(u >= high - TOUCHES, high, u))
 
 
 def _lowest(ends: Solution) -> Solution:

@@ -90,7 +90,7 @@ def sweep(whole: Fit, superset: Composite, subsets: Sequence[tuple[int, ...]], *
         row[place] = True
 
     _, nodes = problem.starting_points(key)
-    made: dict[str, np.ndarray] = {}
+    made: dict[str, Array | np.ndarray] = {}
     for part in parts:
         if repr(part.searched) not in made:
             made[repr(part.searched)] = part.starting_points(key)[0]

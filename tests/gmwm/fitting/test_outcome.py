@@ -20,7 +20,8 @@ def test_every_limit_of_a_process_has_an_outcome(limit):
 def test_which_outcomes_are_boundaries():
     inside = {Outcome.ESTIMATED, Outcome.FIXED, Outcome.NOT_IDENTIFIED, Outcome.NOT_TOLD_APART}
     assert {o for o in Outcome if not o.at_boundary} == inside
-    assert {o for o in Outcome if o.at_boundary} - {Outcome.ZERO} == {Outcome.at(limit) for limit in Limit if limit}
+    ends = {Outcome.ZERO, Outcome.LOWER_BOUND, Outcome.UPPER_BOUND}
+    assert {o for o in Outcome if o.at_boundary} - ends == {Outcome.at(limit) for limit in Limit if limit}
 
 
 def test_results_have_members_and_print_their_sentences():

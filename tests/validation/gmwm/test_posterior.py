@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import SIGMAS
-from programs import MEDIUM, TRUTH
+from programs import MEDIUM, TRUTH, blank, draws, with_variance
 
 import gmwm_jax as gj
 from gmwm_jax.fitting import Constraint, Prior, posterior, posterior_mode
@@ -63,3 +63,24 @@ def test_intervals_cover(records, case, judge):
     band = SIGMAS * np.sqrt(0.95 * 0.05 / NUM)
     # V from one data set is off by its own scatter, some percent of the width
     judge(f"coverage of 95 % with {case}", inside, 0.95 - band - 0.01, 0.95 + band + 0.01, num_draws=NUM)
+
+
+NUM_BOUNDED = 200
+BOUNDED = {
+    "a bound at the truth": {"GM beta": (0.03, 0.3)},
+    "two bounds, one near the truth and one at it": {"GM beta": (0.028, 0.3), "WN sigma2": (0.5, 1.0)},
+}
+
+
+@pytest.mark.parametrize("case", BOUNDED)
+def test_intervals_beside_bounds_cover(case, judge):
+    """Of the parameter at the bound and of the others: 95 % or more, where about half of the estimates are at it."""
+    truth, inside = [float(x) for p in TRUTH.processes for x in p.values], []
+    for row in draws(TRUTH, MEDIUM, NUM_BOUNDED, 11):
+        found = posterior(with_variance(blank(MEDIUM), np.asarray(row)), "WN + GM", bounds=BOUNDED[case])
+        assert found.converged
+        pairs = zip(found.parameters(), truth, strict=True)
+        inside.append([e.ci_low * (1 - 1e-9) <= x <= e.ci_high * (1 + 1e-9) for e, x in pairs])
+    band = SIGMAS * np.sqrt(0.95 * 0.05 / NUM_BOUNDED)
+    seen = np.mean(inside, axis=0)
+    judge(f"coverage of 95 % beside {case}", seen, 0.95 - band - 0.01, 1.0, num_draws=NUM_BOUNDED)
