@@ -20,9 +20,10 @@ TESTS := $(if $(ROOM),$(wildcard tests/*/$(ROOM)))
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(if $(TYPED),$(CHECKED))
 
 # Annotations are checked at every call within the packages where TYPED is 1. That is a fifth of the time of `make test`,
-# so that it is left to the two commands after it, which go through all rooms' main paths once more.
+# and most of that of what is repeated a thousand times, so that it is left to the rooms of numbers on another processor
+# and to the examples, of which every public function has one.
 CHECKED := --jaxtyping-packages=gmwm_jax,nav_jax,beartype.beartype
-validate test-old-cpu: TYPED := 1
+test-old-cpu: TYPED := 1
 
 test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only, TYPED=1
 	$(if $(ROOM),$(if $(TESTS),,$(error There is no room $(ROOM); see tests/gmwm and tests/nav)))
@@ -32,11 +33,13 @@ test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name
 RECORD ?= benchmarks/results/validation.json
 
 validate: $(VENV)/.installed  ## statistics against their bands, README and notebooks
-	$(PYTEST) tests/validation --record $(RECORD)
+	$(PYTEST) $(CHECKED) $(wildcard tests/validation/test_*.py)
+	$(PYTEST) tests/validation/gmwm tests/validation/nav --record $(RECORD)
 
 # A tolerance that holds on one processor only is none of the method's: rooms of numbers, without the instructions of
 # the last fifteen years, in XLA and in NumPy.
-NUMERICAL := tests/nav/kinematics tests/nav/trajectory tests/nav/imu tests/nav/filter tests/gmwm/processes tests/gmwm/variance
+NUMERICAL := tests/validation/nav/test_another_earth.py tests/validation/gmwm/test_process_derivatives.py \
+  tests/nav/kinematics tests/nav/trajectory tests/nav/imu tests/nav/filter tests/gmwm/processes tests/gmwm/variance
 DISPATCHED = from numpy._core._multiarray_umath import __cpu_dispatch__ as d, __cpu_features__ as f; print(*(x for x in d if f[x]))
 
 test-old-cpu: $(VENV)/.installed  ## the numerical rooms as on a processor of 2008 (x86-64)

@@ -122,13 +122,6 @@ def test_a_minute_that_was_touched_stands_out(rec):
     assert change[7] < 0
 
 
-def test_weights_from_a_first_fit_go_with_the_data(found):
-    wv = found.wv
-    other = gj.fitting.influence(wv, MODEL, weights="two-step")
-    np.testing.assert_allclose(other.elasticities.sum(axis=1), [1.0, 0.0, 1.0], atol=1e-7)
-    np.testing.assert_allclose(other.values, values(gj.fit(wv, MODEL, weights="two-step")), rtol=1e-7)
-
-
 def test_weights_given_and_values_held(found):
     model = gj.WN() + gj.GM(beta=gj.Fixed(0.03))
     given = gj.fitting.influence(found.wv, model, weights=weights_of(found.wv))

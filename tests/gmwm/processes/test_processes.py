@@ -2,7 +2,6 @@
 
 import json
 import re
-from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,6 @@ from gmwm.cases import (
     MP,
     closed_wavelet_variance,
     defined_wavelet_variance,
-    derivative_rows,
     exact,
     exact_autocovariance,
     haar_filter,
@@ -127,94 +125,6 @@ def test_reference_wavelet_variances(shared):
         )
         compared.add(kind)
     assert compared == {"WN", "QN", "RW", "DR", "GM", "AR1", "MA1", "ARMA11", "ARMA"}
-
-
-# -- derivatives -----------------------------------------------------------------------------------------------------
-
-
-def both_ways(function):
-    """Forward and reverse derivatives by the first argument, in one program."""
-    return jax.jit(lambda *arguments: (jax.jacfwd(function)(*arguments), jax.jacrev(function)(*arguments)))
-
-
-def differentiable(cls):
-    """The wavelet variance as a function of the parameters."""
-    return lambda values, tau: cls(*values).wavelet_variance(tau)
-
-
-@cache
-def numerical(kind, values, index, tau, order):
-    """A derivative of the textbook formula by a difference quotient at 160 digits, and what an error is relative to.
-
-    That is the derivative, or nu^2/parameter^order where that is larger (GM has none left at beta = 50).
-    """
-    case = row_of(kind)
-
-    def of_one(x):
-        parameters = exact(values)
-        parameters[index] = x
-        return case.closed_form(*parameters, tau)
-
-    reference = MP.diff(of_one, MP.mpf(values[index]), order)
-    return reference, abs(reference) + case.closed_form(*exact(values), tau) / (abs(values[index]) or 1.0) ** order
-
-
-def derivative_error(case, values, taus, seen, index, order):
-    worst = 0.0
-    for tau, value in zip(taus, seen, strict=True):
-        reference, scale = numerical(case.cls.kind, values, index, tau, order)
-        worst = max(worst, float(abs(MP.mpf(float(value)) - reference) / scale))
-    return worst
-
-
-@pytest.mark.parametrize("case", rows())
-def test_gradient_forward_reverse_and_numerical(case):
-    taus = [2**j for j in (1, 2, 3, 5, 8, 12, 18, 24)]
-    derivatives = both_ways(differentiable(case.cls))
-    for values in case.parameters:
-        f, r = map(np.asarray, derivatives(jnp.asarray(values), jnp.asarray(taus, dtype=float)))
-        assert np.all(np.isfinite(f))
-        assert np.all(np.isfinite(r))
-        for index in range(len(values)):
-            assert derivative_error(case, values, taus, f[:, index], index, 1) < 1e-9, values
-            assert derivative_error(case, values, taus, r[:, index], index, 1) < 1e-9, values
-
-
-@pytest.mark.parametrize("case", derivative_rows())
-def test_second_derivatives(case):
-    taus = [2**j for j in (1, 2, 3, 5, 8, 12, 18, 24)]
-    second = jax.jit(jax.jacfwd(jax.jacrev(differentiable(case.cls))))
-    for values in case.parameters:
-        hessian = np.asarray(second(jnp.asarray(values), jnp.asarray(taus, dtype=float)))
-        assert np.all(np.isfinite(hessian)), values
-        if values[0] < -0.99:
-            continue  # 1/(1 + phi)^3: finite, and no more is asked of an alternating process
-        for index in range(len(values)):
-            error = derivative_error(case, values, taus, hessian[:, index, index], index, 2)
-            assert error < case.second_derivatives_rtol, values
-
-
-@pytest.mark.parametrize("case", rows(stationary=True))
-def test_gradient_of_the_autocovariance(case):
-    """At phi = 0 as well, where the derivative of phi^0 must not become 0/0."""
-    lags = jnp.arange(6.0)
-
-    def autocovariance(v):
-        return case.cls(*v).autocovariance(lags)
-
-    derivatives = both_ways(autocovariance)
-    for values in case.parameters:
-        f, r = derivatives(jnp.asarray(values))
-        np.testing.assert_allclose(f, r, rtol=1e-12, atol=1e-14, err_msg=str(values))
-        for index in range(len(values)):
-
-            def of_one(x, lag, values=values, index=index):
-                parameters = exact(values)
-                parameters[index] = x
-                return case.autocovariance(*parameters, 6)[lag]
-
-            expected = [float(MP.diff(lambda x, lag=lag: of_one(x, lag), MP.mpf(values[index]))) for lag in range(6)]
-            np.testing.assert_allclose(f[:, index], expected, rtol=1e-10, atol=1e-14, err_msg=str(values))
 
 
 def test_new_parameter_values_do_not_retrace():

@@ -139,25 +139,6 @@ def test_a_key_draws_one_record(case, key):
     np.testing.assert_array_equal(simulate(model, 40, key=key), simulate(model, 40, key=key))
 
 
-@pytest.mark.parametrize("case", rows())
-def test_differentiable_in_parameters(case, key):
-    """Forward = reverse = central difference of one record, at a fixed key."""
-    values = np.array({"AR1": (0.7, 1.7), "GM": (0.3, 0.6)}.get(case.cls.kind, case.parameters[0]))
-
-    def record(v):
-        return simulate(Composite((case.cls(*v),)), 40, key=key)
-
-    forward, reverse = jax.jit(lambda v: (jax.jacfwd(record)(v), jax.jacrev(record)(v)))(values)
-    # the root of MAT52's 3 x 3 driving noise has a condition of 1e4
-    np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-11 if case.cls.kind == "MAT52" else 1e-12)
-    for i in range(len(values)):
-        h = np.zeros(len(values))
-        h[i] = 1e-6 * values[i]
-        above, below = (np.asarray(record(jnp.asarray(v))) for v in (values + h, values - h))
-        difference = (above - below) / (2 * h[i])
-        np.testing.assert_allclose(forward[:, i], difference, rtol=1e-6, atol=1e-7 * np.abs(difference).max())
-
-
 def test_new_parameter_values_do_not_retrace(key, monkeypatch):
     counter = CountTraces(GM.simulate)
     monkeypatch.setattr(GM, "simulate", lambda self, *a: counter(self, *a))

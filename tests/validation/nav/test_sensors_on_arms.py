@@ -3,10 +3,13 @@
 import dataclasses
 
 import numpy as np
+import pytest
 from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+
+pytestmark = pytest.mark.usefixtures("quick_compilation")
 
 RATE = 20.0
 START = nj.InitialUncertainty(0.1, 0.05, np.deg2rad([0.5, 0.5, 2.0]))

@@ -14,6 +14,8 @@ import nav_jax as nj
 from nav_jax.recorded.likelihood import Record
 from nav_jax.recorded.navigation import prepare_navigation
 
+pytestmark = pytest.mark.usefixtures("quick_compilation")
+
 RATE = 20.0
 NOISE = (1e-3, 1e-5, 0.05, 1e-6)
 START = {"position_sd": 0.1, "velocity_sd": 0.1, "attitude_sd": 0.01}
