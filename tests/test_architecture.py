@@ -63,7 +63,7 @@ DRAWING = "_internal/drawing"
 """The one file that imports the figures of a result, at the moment of drawing."""
 
 HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "pandas", "zarr", "pydantic", "pynmea2",
-         "rosbags")  # fmt: skip
+         "rosbags", "shiny", "plotly", "uvicorn", "starlette")  # fmt: skip
 """Imported by leaves, or inside a function at the moment of use."""
 
 LEAVES = {"plotting", "app", "__main__"}
