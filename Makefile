@@ -32,9 +32,11 @@ test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name
 # where the statistics are written down, each with its band, number of draws and commit
 RECORD ?= benchmarks/results/validation.json
 
+NOTEBOOKS := tests/validation/test_notebooks.py
+
 validate: $(VENV)/.installed  ## statistics against their bands, README and notebooks
-	$(PYTEST) $(CHECKED) $(wildcard tests/validation/test_*.py)
-	$(PYTEST) tests/validation/gmwm tests/validation/nav --record $(RECORD)
+	$(PYTEST) $(CHECKED) $(filter-out $(NOTEBOOKS),$(wildcard tests/validation/test_*.py))
+	$(PYTEST) $(NOTEBOOKS) tests/validation/gmwm tests/validation/nav --record $(RECORD)
 
 # A tolerance that holds on one processor only is none of the method's: rooms of numbers, without the instructions of
 # the last fifteen years, in XLA and in NumPy.

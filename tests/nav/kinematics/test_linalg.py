@@ -5,7 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from nav_jax.kinematics.linalg import factor, log_det_and_trace, matmul3, root, symmetrise, transpose, whiten
+from nav_jax.kinematics import linalg
+from nav_jax.kinematics.linalg import matmul3, root, symmetrise, transpose
+
+# written out pivot by pivot: hundreds of operations one by one, or one program
+factor, whiten, log_det_and_trace = map(jax.jit, (linalg.factor, linalg.whiten, linalg.log_det_and_trace))
 
 RNG = np.random.default_rng(1)
 
