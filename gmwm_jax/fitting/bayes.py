@@ -33,8 +33,13 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import confidence, integer, positive, require_x64, typed_key
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
+from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.quantiles import normal_quantile
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
+from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.bounds import Bounds, checked
 from gmwm_jax.fitting.estimation import estimate
@@ -44,6 +49,7 @@ from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.tables import EstimateTable, parameter_table
 from gmwm_jax.fitting.weights import root_of
 from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
@@ -88,6 +94,7 @@ class Constraint(NamedTuple):
     value: float = 0.0
 
 
+@saved(not_finite=("low", "high"))
 class LogDensity(eqx.Module):
     """log p(z | nu_hat), up to a constant: a pure function of the coordinates z, for any sampler or optimiser.
 
@@ -146,8 +153,21 @@ class LogDensity(eqx.Module):
         return jnp.where(inside, -jnp.sum(r * r) / 2, -jnp.inf)
 
 
+def _check(found: "Posterior") -> None:
+    """Raise a ValueError for what `posterior` does not make, in a file."""
+    density, num = found.density, len(found.names)
+    if num != len(found.fits) * density.template.num_parameters or len(found.fits) != len(density.nu):
+        raise ValueError(f"It has {num} parameters of {len(found.fits)} channels of {density.template}.")
+    if density.basis.shape != (num, len(found.z)) or found.covariance.shape != (num, num):
+        raise ValueError(f"It has {num} parameters, and a basis or covariance of another number.")
+    unknown = set(found.at_bounds) - set(found.names)
+    if unknown:
+        raise ValueError(f"It has no parameter {min(unknown)!r}.")
+
+
+@saved(not_finite=("covariance",), check=_check)
 @dataclass(frozen=True, repr=False)
-class Posterior:
+class Posterior(Drawable, Saved, Labelled):
     """What `posterior` returns: the log-density, its mode and the covariance there.
 
     Attributes
@@ -201,6 +221,38 @@ class Posterior:
         return replace(table, estimates=tuple(noted))
 
     @cached_property
+    def standard_deviations(self) -> Float[np.ndarray, " E"]:
+        """Of all parameters per sample, to first order; NaN for one that is at a bound or fixed."""
+        lines, errors = np.asarray(self.density.eta(self.z)), np.sqrt(np.diag(self.covariance))
+        slopes = [
+            (v - q.lower) * (1.0 if np.isinf(q.upper) else (q.upper - v) / (q.upper - q.lower))
+            for q, v in zip(self._parameters, self._per_sample(lines), strict=True)
+        ]
+        return np.where(errors > 0, np.array(slopes) * errors, np.nan)
+
+    @property
+    def _parameters(self) -> list[Parameter]:
+        """Of all channels."""
+        return [q for _ in self.fits for p in self.density.template.processes for q in p.parameters]
+
+    def _per_sample(self, lines: Float[np.ndarray, "*S E"]) -> Float[np.ndarray, "*S E"]:
+        """Parameters from the real line."""
+        columns = zip(self._parameters, np.moveaxis(lines, -1, 0), strict=True)
+        return np.stack([q.from_line(x) for q, x in columns], axis=-1)
+
+    def marginal(self, name: str) -> tuple[float, float]:
+        """Mean and standard deviation of Laplace's approximation for a parameter on the real line.
+
+        For one at a bound those of the normal that the bound cuts off.
+        """
+        i = self.names.index(name)
+        if not self._held[i]:
+            return float(self.density.eta(self.z)[i]), float(np.sqrt(self.covariance[i, i]))
+        free = np.asarray(_covariance(self.density, self.z, np.zeros(len(self.names), dtype=bool)))
+        step = np.asarray(_step(self.density, self.z))
+        return float(self.density.eta(self.z)[i] + step[i]), float(np.sqrt(free[i, i]))
+
+    @cached_property
     def _held(self) -> Bool[np.ndarray, " E"]:
         """Which of all parameters are at a bound."""
         return np.array([name in self.at_bounds for name in self.names])
@@ -246,7 +298,8 @@ class Posterior:
 
         Returns
         -------
-        Parameters on the real line, in the order of `names`. The draws of one chain: they are correlated.
+        Parameters on the real line, in the order of `names`. The draws of one chain: they are correlated. `plot` shows
+        them.
         """
         typed_key(key)
         num_samples = integer("num_samples", num_samples, 1)
@@ -263,14 +316,59 @@ class Posterior:
             x = _chain(blackjax, density, len(self.z), num_samples, num_warmup, warm, chain)
         return np.asarray(jax.vmap(self.density.eta)(jnp.asarray(self.z + x @ scale.T)))
 
+    def plot(self, *, draws: Float[np.ndarray, "S E"] | None = None, axes: GivenAxes | None = None) -> Figure:
+        """Draw the marginals of Laplace's approximation, and those of draws beside them.
+
+        Parameters
+        ----------
+        draws
+            Of `sample`.
+        axes
+            An Axes for each parameter that is not fixed; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `gmwm_jax.plotting.plot_posterior`.
+        """
+        return self._draw(draws=draws, axes=axes)
+
     def __repr__(self) -> str:
-        """A table a channel."""
+        """A table a channel: mode, standard deviation and credible interval of each parameter."""
         end = "the search converged" if self.converged else "the search did not converge"
         dims = f"{len(self.names)} parameters with {len(self.z)} degrees of freedom"
         lines = [f"Posterior of {' + '.join(self.density.template.labels)}: {dims}; {end}"]
+        head = ["component", "quantity", "mode", "sd", f"{100 * self.level:g} % low", "high", "unit", "note"]
+        sd = np.reshape(self.standard_deviations, (len(self.fits), -1))
         for i, f in enumerate(self.fits):
-            lines += ["", f"{f.wv.channels[0]} [{f.unit}]", str(self.parameters(i))]
+            rows = [
+                [e.component, e.symbol, *map(number, (e.value, s, e.ci_low, e.ci_high)), e.unit, e.note]
+                for e, s in zip(self.parameters(i), sd[i], strict=True)
+            ]
+            kept = len(head) if any(row[-1] for row in rows) else -1
+            table = format_table(head[:kept], [row[:kept] for row in rows], left=2)
+            lines += ["", f"{f.wv.channels[0]} [{f.unit}], per sample", table]
         return "\n".join(lines)
+
+    def _arrays(self) -> Arrays:
+        """A row a parameter; the covariance is that on the real line."""
+        estimates = [e for i in range(len(self.fits)) for e in self.parameters(i)]
+        variables = {
+            "mode": Values("parameter", [e.value for e in estimates], UNIT_OF_PARAMETER),
+            "sd": Values("parameter", self.standard_deviations, UNIT_OF_PARAMETER),
+            "low": Values("parameter", [e.ci_low for e in estimates], UNIT_OF_PARAMETER),
+            "high": Values("parameter", [e.ci_high for e in estimates], UNIT_OF_PARAMETER),
+            "note": Values("parameter", [str(e.note) for e in estimates]),
+            "covariance": Values(("parameter", "other"), self.covariance, "1"),
+            "converged": Values((), self.converged),
+        }
+        coordinates = {
+            "parameter": Values("parameter", self.names),
+            "other": Values("other", self.names),
+            "parameter_unit": Values("parameter", [e.unit for e in estimates]),
+        }
+        attributes = {"model": " + ".join(p.kind for p in self.density.template.processes), "level": self.level}
+        return Arrays(variables, coordinates, attributes, ("parameter",))
 
 
 def _chain(
@@ -492,6 +590,13 @@ def _mode_between(density: LogDensity, start: Array, solver: Any) -> tuple[Array
 def _slope(density: LogDensity, z: Array) -> Float[Array, " Z"]:
     """Of minus the log-density."""
     return jax.grad(lambda z: jnp.sum(density.residuals(z) ** 2) / 2)(z)
+
+
+@jax.jit
+def _step(density: LogDensity, z: Array) -> Float[Array, " E"]:
+    """From a mode at bounds to where it would be without them, to first order."""
+    nothing = jnp.zeros(density.low.shape, dtype=bool)
+    return -density.basis @ (_inner(density, z, nothing) @ _slope(density, z))
 
 
 @jax.jit

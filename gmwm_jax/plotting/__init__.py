@@ -43,6 +43,8 @@ from gmwm_jax.plotting.multisignal import plot_joint_fits as plot_joint_fits
 from gmwm_jax.plotting.multisignal import plot_near_stationarity as plot_near_stationarity
 from gmwm_jax.plotting.multisignal import plot_record_comparison as plot_record_comparison
 from gmwm_jax.plotting.multisignal import record_comparison_data as record_comparison_data
+from gmwm_jax.plotting.posterior import plot_posterior as plot_posterior
+from gmwm_jax.plotting.posterior import posterior_data as posterior_data
 from gmwm_jax.plotting.recordings import plot_recording as plot_recording
 from gmwm_jax.plotting.recordings import recording_data as recording_data
 from gmwm_jax.plotting.regression import plot_regression as plot_regression

@@ -70,6 +70,7 @@ def results(fit):
         "robust comparison": gj.variance.compare_robust(record(2000, 4)["accel_x"]),
         "records compared": gj.multisignal.compare_records(gj.fit_records(wvs, "WN + RW")),
         "influence": gj.fitting.influence(record(1000, 1000), "WN + RW"),
+        "posterior": gj.fitting.posterior(fit.wv, "WN + RW", bounds={"RW gamma2": (1e-14, 1e-12)}),
     }
 
 
@@ -84,7 +85,7 @@ KINDS = (
     "wavelet variance", "of several channels", "with gaps", "robust", "from a table", "fit", "fit with weights given",
     "fit with a value held", "fit at a boundary", "fits", "selection", "bootstrap", "joint fit", "joint fits",
     "Allan deviation", "goodness of fit", "regression", "robust comparison", "records compared",
-    "influence",
+    "influence", "posterior",
 )  # fmt: skip
 
 
@@ -110,6 +111,7 @@ def test_all_kinds_are_there(results):
         ("joint fits", "joint_fits_data"), ("Allan deviation", "allan_deviation_data"),
         ("regression", "regression_data"), ("robust comparison", "robust_comparison_data"),
         ("records compared", "record_comparison_data"), ("influence", "influence_data"),
+        ("posterior", "posterior_data"),
     ],
 )  # fmt: skip
 def test_it_is_drawn_as_before(results, tmp_path, kind, figure):
@@ -171,8 +173,9 @@ def test_files_know_these_classes():
         for name in (
             "AbstractProcess", "AllanDeviation", "Bands", "Bootstrap", "Candidate", "Channels",
             "Coefficients", "Composite", "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given",
-            "GoodnessOfFit", "Influence", "Iterated", "JointFit", "MeanOfRecords", "ModelScore", "Modwt",
-            "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "RecordComparison", "Regression",
+            "GoodnessOfFit", "Influence", "Iterated", "JointFit", "LogDensity", "MeanOfRecords", "ModelScore",
+            "Modwt", "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "Posterior",
+            "RecordComparison", "Regression",
             "Robust", "RobustComparison", "Selection", "StabilityDeviation", "TwoStep", "WaveletVariance",
             "WaveletVariances", "Within",
         )

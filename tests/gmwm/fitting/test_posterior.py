@@ -175,3 +175,30 @@ def test_weights_within_a_range_of_time(wv, of):
         gj.fit(wv, "WN", weights=Within(shortest=9.0, longest=10.0))
     with pytest.raises(ValueError, match="range of spans is empty"):
         Within(shortest=2.0, longest=1.0)
+
+
+def test_it_prints_mode_deviation_and_interval(plain):
+    """Standard deviations per sample are those on the real line times the slope there."""
+    np.testing.assert_allclose(
+        plain.standard_deviations, np.exp(plain.density.eta(plain.z)) * np.sqrt(np.diag(plain.covariance)), rtol=1e-12
+    )
+    head, _, *rows = repr(plain).splitlines()[3:]
+    assert head.split() == ["component", "quantity", "mode", "sd", "95", "%", "low", "high", "unit"]
+    assert [row.split()[3] for row in rows] == [f"{sd:.5g}" for sd in plain.standard_deviations]
+
+
+def test_its_figure_shows_densities(plain):
+    """The marginal of each parameter integrates to one; that of draws is beside it."""
+    draws = np.random.default_rng(0).multivariate_normal(plain.density.eta(plain.z), plain.covariance, 4000)
+    frames = gj.plotting.posterior_data(plain, draws=draws)
+    assert [frame.x.label for frame in frames] == list(plain.names)
+    for frame, name in zip(frames, plain.names, strict=True):
+        histogram, curve = frame.items[:2]
+        assert np.trapezoid(curve.y, curve.x) == pytest.approx(1.0, rel=1e-9)
+        assert np.sum(histogram.counts * np.diff(histogram.edges)) == pytest.approx(1.0, rel=1e-9)
+        middle = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
+        np.testing.assert_allclose(histogram.counts, np.interp(middle, curve.x, curve.y), atol=0.2 * curve.y.max())
+        mean, sd = plain.marginal(name)
+        assert curve.x[np.argmax(curve.y)] == pytest.approx(np.exp(mean - sd**2), rel=0.02 * sd + 1e-3)
+    with pytest.raises(ValueError, match="of 2 parameters, and the posterior has 3"):
+        gj.plotting.posterior_data(plain, draws=draws[:, :2])
