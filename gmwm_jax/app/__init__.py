@@ -23,7 +23,8 @@ one of a logger that is known. Others do:
 ```sh
 gmwm-jax fit adis_16405_imu1.rda --channels all --model "WN + 2*GM + RW"
 gmwm-jax wv static.csv --time time --units "gyro=deg/s,accel=g" --allan --plot allan.png
-gmwm-jax wv logger.npy --rate 200 --units deg/s --json -
+gmwm-jax wv static.csv --time time --units "gyro=deg/s,accel=g" --hadamard --plot hadamard.png
+gmwm-jax wv logger.npy --rate 200 --units deg/s --modified-allan --json -
 gmwm-jax wv MT_0312.txt.gz --gaps nan
 gmwm-jax wv run.bag --variable /imu/data --channels gyro
 gmwm-jax wv imu.txt --format kf-gins

@@ -46,12 +46,21 @@ def wv(
     method: Annotated[str, typer.Option(help="modwt or dwt.")] = "modwt",
     levels: Annotated[int | None, typer.Option(help="Number of scales; floor(log2 N) - 1 by default.")] = None,
     allan: Annotated[bool, typer.Option("--allan", help="Allan deviation, with N, B and K read off.")] = False,
+    modified: Annotated[bool, typer.Option("--modified-allan", help="Modified Allan deviation.")] = False,
+    hadamard: Annotated[bool, typer.Option("--hadamard", help="Hadamard deviation, which a drift is not in.")] = False,
     robust: Robust = False,
     efficiency: Efficiency = 0.6,
     json_file: Json = None,
     plot: Plot = None,
 ) -> None:
-    """Wavelet variance (or Allan deviation) with confidence intervals."""
+    """Wavelet variance (or Allan, modified Allan, Hadamard deviation) with confidence intervals."""
+    asked = [name for name, given in zip(_DEVIATIONS, (allan, modified, hadamard), strict=True) if given]
+    if len(asked) > 1:
+        raise ValueError(f"{' and '.join(asked)} are two results: ask for one of them at a time.")
+    if modified or hadamard:
+        others = {"--levels": levels is not None, "--robust": robust, "--method": method != "modwt"}
+        _of_phase(source, asked[0], level, others, json_file, plot)
+        return
     rec = source.read()
     result = gj.wavelet_variance(
         rec, method=method, num_levels=levels, level=level, efficiency=efficiency if robust else None
@@ -97,6 +106,29 @@ def wv(
             for name, one in result.items()
         }
     write_json(json_file, content)
+
+
+_DEVIATIONS = ("--allan", "--modified-allan", "--hadamard")
+
+
+def _of_phase(
+    source: Source, name: str, level: float, others: dict[str, bool], json_file: Path | None, plot: Path | None
+) -> None:
+    """The modified Allan or the Hadamard deviation: from the samples, and not from the wavelet variance."""
+    given = [option for option, is_given in others.items() if is_given]
+    if given:
+        raise ValueError(f"{name} is not made of the wavelet variance, and takes no {' or '.join(given)}.")
+    rec = source.read()
+    of = gj.variance.modified_allan_deviation if name == "--modified-allan" else gj.variance.hadamard_deviation
+    result = of(rec, level=level)
+    say(json_file, repr(result))
+    write_figure(plot, lambda: result.plot())
+    channels = {
+        one.channels[0]: {"unit": one.units[0], "deviation": one.deviation, **_nominal(one.shown)}
+        for one in (result[i] for i in range(len(result.channels)))
+    }
+    content = {"rate": rec.rate, "num_samples": len(rec), "level": level, "deviation": result.kind}
+    write_json(json_file, {**content, "times": result.times, "channels": channels})
 
 
 def _nominal(shown: Any) -> dict[str, Any]:

@@ -14,7 +14,7 @@ How to read a fit
 * test of fit: chi-square over all scales, by the covariance that the intervals are from, and the largest pull. Where the data
   are beyond what chance does under the model, a warning stands before the estimates, in overviews of channels, in JSON and in
   the comments of exports: the intervals are then of little use. Its test knows how skew a variance of few degrees of freedom
-  is, so that a right model is hardly ever warned of; p, which does not, is below 5 % for 5 to 20 % of right models.
+  is, so that a right model is hardly ever warned of; p, which does not, is below 5 % for 3 to 7 % of right models.
 * at boundary: a component that the data do not want is exactly zero and stays in the table, with an interval from 0 to
   what it may be all the same. A Gauss-Markov process whose correlation time leaves the range that the record can show is
   a random walk, or white noise: reported is then what that limit has (q, or the variance and N_0), with its interval;

@@ -177,12 +177,19 @@ class Fit(Drawable, Saved, Labelled):
     def chi_square(self) -> ChiSquare | None:
         """The test of fit: statistic, degrees of freedom, p-value and the pull of each scale, see `goodness_of_fit`.
 
-        None where there is no theory of the wavelet variance, or no estimate to test.
+        The pulls are those of this fit; statistic and p are of its model with the amplitudes that weights of its own
+        give it, see `gmwm_jax.fitting.misfit`. None where there is no theory of the wavelet variance, or no estimate to
+        test.
         """
         V = self.wv_covariance
         if V is None or not (np.isfinite(self.objective) and np.all(np.isfinite(V)) and np.all(np.diag(V) > 0)):
             return None
-        return chi_square(*self._residuals, V)
+        own = chi_square(*self._residuals, V)
+        if self.weights.inverts_covariance:
+            return own
+        again, V_again = self._again
+        tested = chi_square(*again._residuals, V_again)
+        return ChiSquare(tested.statistic, tested.dof, tested.p_value, own.pulls)
 
     @cached_property
     def misfit(self) -> str:
@@ -193,22 +200,36 @@ class Fit(Drawable, Saved, Labelled):
         V = self.wv_covariance
         if self.chi_square is None or V is None or not misses(*self._residuals, V, self._linearised[0]):
             return ""
-        if not self._with_amplitudes_again_misses(V):
+        again, V_again = self._again
+        if not misses(*again._residuals, V_again, again._linearised[0]):
             return ""
         return misfit_sentence(self.chi_square, self.wv.times, self._unit_of_time)
 
-    def _with_amplitudes_again_misses(self, V: Float[np.ndarray, "J J"]) -> bool:
-        """Whether the model misses the data with other amplitudes too: see `with_amplitudes_again`."""
-        nu = self._linearised[0]
-        error = np.sqrt(np.diag(V)) / nu
+    def with_amplitudes_again(self, V: Float[np.ndarray, "J J"]) -> "tuple[Fit, Float[np.ndarray, 'J J']]":
+        """The model with the amplitudes that weights of its own give it, and its covariance of the wavelet variance.
+
+        Parameters
+        ----------
+        V
+            Covariance of the wavelet variance under this fit.
+        """
+        nu = self.fitted
+        error = np.where(np.diag(self.omega) > 0, np.sqrt(np.diag(V)) / nu, np.inf)  # what is left out stays so
         model, omega = with_amplitudes_again(self.model, self.wv.variance, self.wv.scales, error)
         kept = {label: o for label, o in self.at_boundary.items() if o is not Outcome.ZERO}
         parts = zip(model.labels, model.processes, strict=True)
         zero = {label: Outcome.ZERO for label, p in parts if not float(p.amplitude) > 0}
         again = replace(self, model=model, omega=omega, at_boundary={**kept, **zero})
         # the errors in proportion: another covariance would take longer than all the rest
-        ratio = again._linearised[0] / nu
-        return misses(*again._residuals, V * np.outer(ratio, ratio), again._linearised[0])
+        ratio = again.fitted / nu
+        return again, V * np.outer(ratio, ratio)
+
+    @cached_property
+    def _again(self) -> "tuple[Fit, Float[np.ndarray, 'J J']]":
+        V = self.wv_covariance
+        if V is None:
+            raise RuntimeError("There is no theory of this wavelet variance.")
+        return self.with_amplitudes_again(V)
 
     @property
     def _residuals(self) -> tuple[Float[np.ndarray, " J"], Float[np.ndarray, "J J"]]:

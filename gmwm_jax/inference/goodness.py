@@ -27,7 +27,8 @@ class GoodnessOfFit(Saved):
     fit
         What was tested.
     statistic, dof, p_value
-        Of the chi-square test; p is NaN where no degree of freedom is left.
+        Of the chi-square test of the model, with the amplitudes that weights of its own give it, see
+        `gmwm_jax.fitting.misfit`; p is NaN where no degree of freedom is left.
     pulls
         Residual of each scale in standard deviations, shape (J,); NaN at a scale that is fitted exactly.
     """

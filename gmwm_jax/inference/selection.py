@@ -406,12 +406,18 @@ def _select(
         nested = set(subsets[a]) <= set(subsets[b]) or set(subsets[b]) <= set(subsets[a])
         return standard_error((residuals[a], projections[a]), (residuals[b], projections[b]), S, nested)
 
-    z, best, inverse = normal_quantile(whole.level), order[0], np.linalg.inv(L)
+    z, best = normal_quantile(whole.level), order[0]
     candidates = []
     for at, m in enumerate(order):
         better = [b for b in order[:at] if sound[b] and criteria[m] - criteria[b] > z * error(m, b)]
         # what a model without a random walk claims of the longest spans, only its own covariance knows
-        own = _own_covariance(whole, fits[m]) if sound[m] and not better else V
+        tested, own = fits[m], V
+        if sound[m] and not better:
+            own = _own_covariance(whole, fits[m])
+            if not fits[m].weights.inverts_covariance:  # see `gmwm_jax.fitting.misfit`
+                tested, own = fits[m].with_amplitudes_again(own)
+        root = tested.whitener
+        M = np.eye(len(V)) - np.linalg.inv(root) @ projection(root @ tangents(tested)) @ root
         candidates.append(
             Candidate(
                 names[m],
@@ -420,7 +426,7 @@ def _select(
                 optimism=float(lacks[m]),
                 difference=float(criteria[m] - criteria[best]),
                 standard_error=error(m, best),
-                p_value=chi_square(fits[m].residuals, np.eye(len(V)) - inverse @ projections[m] @ L, own).p_value,
+                p_value=chi_square(tested.residuals, M, own).p_value,
                 contained_in=contained[m],
                 worse_than=names[better[0]] if better else "",
             )

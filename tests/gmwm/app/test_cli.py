@@ -159,11 +159,37 @@ def test_allan(npz):
     assert shown["value"] == pytest.approx(np.rad2deg(si["value"]) * 60, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("option", "of", "title"),
+    [
+        ("--modified-allan", gj.variance.modified_allan_deviation, "Overlapping modified Allan deviation"),
+        ("--hadamard", gj.variance.hadamard_deviation, "Overlapping Hadamard deviation"),
+    ],
+)
+def test_deviations_of_the_phase(npz, rec, option, of, title):
+    assert call("wv", npz, option).stdout.startswith(f"{title} at 100 Hz")
+    content = json.loads(call("wv", npz, option, "--level", "0.9", "--json", "-").stdout)
+    expected = of(rec, level=0.9)
+    assert content["deviation"] == expected.kind
+    np.testing.assert_allclose(content["times"], expected.times, rtol=1e-15)
+    for name, one in content["channels"].items():
+        np.testing.assert_allclose(one["deviation"], expected[name].deviation, rtol=1e-15)
+        np.testing.assert_allclose(one["nominal_high"], expected[name].ci_high, rtol=1e-15)
+        assert one["unit"] == expected[name].units[0]
+    assert list(content["channels"]) == list(rec.channels)
+
+
+def test_one_deviation_at_a_time(npz):
+    assert "--allan and --hadamard are two results" in call("wv", npz, "--allan", "--hadamard", code=2).stderr
+    stderr = call("wv", npz, "--hadamard", "--robust", "--levels", 5, code=2).stderr
+    assert "takes no --levels or --robust" in stderr
+
+
 MAGIC = {".png": b"\x89PNG\r\n\x1a\n", ".pdf": b"%PDF-", ".svg": b"<?xml"}
 
 
 @pytest.mark.parametrize("suffix", MAGIC)
-@pytest.mark.parametrize("allan", [[], ["--allan"]])
+@pytest.mark.parametrize("allan", [[], ["--allan"], ["--modified-allan"], ["--hadamard"]])
 def test_wv_figures(npz, tmp_path, suffix, allan):
     call("wv", npz, *allan, "--plot", tmp_path / "new" / f"a{suffix}")
     assert (tmp_path / "new" / f"a{suffix}").read_bytes().startswith(MAGIC[suffix])

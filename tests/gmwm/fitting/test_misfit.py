@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from programs import MEDIUM, fitted, simulated
+from programs import MEDIUM, drawn_channels, fitted, simulated
 
 import gmwm_jax as gj
 from gmwm_jax._internal.chi_square import chi_square, misses
@@ -87,3 +87,18 @@ def test_a_test_of_gamma_variables_is_of_their_own_tail():
     assert chi_square(np.array([5.0]), none, V).p_value < 1e-6
     assert not misses(np.array([5.0]), none, V, np.array([1.0]))
     assert misses(np.array([29.0]), none, V, np.array([1.0]))
+
+
+def test_p_is_of_the_model_and_not_of_weights_that_trust_the_small():
+    """A random walk at zero by default weights, which all but one scale miss; of the same data by other weights too."""
+    wv = drawn_channels(gj.parse_model("WN(sigma2=1.0) + RW(gamma2=1e-6)"), MEDIUM, 60, 17)
+    fits = {name: list(gj.fit(wv, "WN + RW", weights=name, throw=False).values()) for name in ("default", "covariance")}
+    apart = []
+    for mine, best in zip(*fits.values(), strict=True):
+        again, _ = mine.with_amplitudes_again(mine.wv_covariance)
+        assert mine.chi_square.dof == mine.wv.num_scales - len(again.active)
+        apart.append((mine.chi_square.p_value < 0.01, best.chi_square.p_value < 0.01))
+        plain = chi_square(*mine._residuals, mine.wv_covariance)
+        np.testing.assert_array_equal(mine.chi_square.pulls, plain.pulls)
+    assert np.max(np.sum(apart, axis=0)) <= 2
+    assert np.sum([chi_square(*f._residuals, f.wv_covariance).p_value < 0.01 for f in fits["default"]]) > 4

@@ -27,3 +27,6 @@ def test_right_models_are_seldom_warned_of(truth, weights, judge):
     drawn = drawn_channels(gj.parse_model(truth), num_samples, NUM, 17)
     fits = list(gj.fit(drawn, model, weights=weights, throw=False).values())
     judge(f"{truth}, {weights}: share warned of", np.mean([bool(f.misfit) for f in fits]), 0, 0.01, num_draws=NUM)
+    # 5 %, three standard errors of 400 draws, and 1 % for skewness that p does not know
+    low = np.mean([f.chi_square.p_value < 0.05 for f in fits])
+    judge(f"{truth}, {weights}: share with p of fit < 5 %", low, 0.01, 0.093, num_draws=NUM)
