@@ -13,8 +13,8 @@ RW         K            13.669     8.145      20.14  m/s/h/sqrt(h)
 GMWM fits, parameters per sample
 channel  unit   objective     search  p of fit   WN.sigma2   RW.gamma2  GM.beta  GM.variance
 -------  -----  ---------  ---------  --------  ----------  ----------  -------  -----------
-gyro_x   rad/s  0.5291314  converged   1.7e-07  1.3012e-05  2.3127e-11   1.7347   3.8279e-05
-accel_x  m/s^2  0.3303232  converged     0.034  1.9132e-05  4.0046e-11   1.8347   6.3682e-05
+gyro_x   rad/s  0.5291314  converged    0.0032  1.3012e-05  2.3127e-11   1.7347   3.8279e-05
+accel_x  m/s^2  0.3303232  converged     0.069  1.9132e-05  4.0046e-11   1.8347   6.3682e-05
 ```
 
 A public recording, recognised by its content, needs neither rate nor unit; nor does a file of `save_recording`, or

@@ -45,7 +45,8 @@ class ImuErrors(eqx.Module):
     rate
         Sampling rate in Hz that the parameters belong to. Fits know theirs, models do not.
     accel_bias_sd, gyro_bias_sd
-        Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three.
+        Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three. A filter has a
+        state for each that is not zero; for a traced one, of which nobody knows whether it is, always.
     deterministic
         Constants of the unit that a calibration has left unknown, such as `ScaleFactor` and `Misalignment`.
     start
@@ -103,10 +104,11 @@ class ImuErrors(eqx.Module):
         if start not in ("stationary", "zero"):
             raise ValueError(f'start is "stationary" or "zero", and is {start!r}.')
         self.models = tuple(as_model(m, channel) for m, channel in zip(given, CHANNELS, strict=True))
-        bias_sd = known(_three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd))
+        bias_sd = _three("accel_bias_sd", accel_bias_sd), _three("gyro_bias_sd", gyro_bias_sd)
+        # asked of what was given: inside of a trace an array of JAX is traced, whatever it is made of
+        nonzero = [np.ones(3) if (seen := concrete(sd)) is None else seen for sd in bias_sd]
+        self.biased = tuple(int(i) for i in np.flatnonzero(np.concatenate(nonzero)))
         self.bias_sd = as_float(namespace(*bias_sd).concatenate(bias_sd))
-        seen = concrete(self.bias_sd)
-        self.biased = tuple(range(len(CHANNELS))) if seen is None else tuple(int(i) for i in np.flatnonzero(seen))
         self.deterministic = tuple(deterministic)
         for d in self.deterministic:
             of_kind("An error that is no noise", d, AbstractDeterministic)
@@ -360,10 +362,10 @@ def _per_axis(sensor: str, given: Any) -> list[Any]:
 
 def _three(name: str, value: Any) -> Float[Array | np.ndarray, "3"]:
     positive(name, value, zero_ok=True)
-    value = as_float(value)
+    (value,) = known(value)
+    value = value.astype(np.float64)
     if value.shape not in ((), (3,)):
         raise ValueError(f"{name} is one number or three, and has the shape {value.shape}.")
-    (value,) = known(value)
     return namespace(value).broadcast_to(value, (3,))
 
 

@@ -1,5 +1,6 @@
 """From noise models to what a filter holds of them, at any rate; what is left out is said."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -208,3 +209,22 @@ def test_a_table_of_what_is_believed():
     assert "gyro y" in text
     assert "turn-on bias" in text
     assert jnp.shape(nj.ImuErrors(WHITE, WHITE, 100.0).bias_sd) == (6,)
+
+
+def test_no_bias_has_no_state_under_a_trace_either():
+    """Nor have channels of the other sensor where one is traced, of which nobody knows whether it is zero."""
+
+    def num_states(**options):
+        sizes = []
+
+        def build(sd, scale):
+            given = {name: sd if value is None else value for name, value in options.items()}
+            sizes.append(nj.ImuErrors(WHITE + gj.RW(1e-9), WHITE, 100.0, **given).bank().initial.shape[0])
+            return scale
+
+        jax.eval_shape(build, 0.1, 1.0)
+        return sizes[0]
+
+    assert num_states() == nj.ImuErrors(WHITE + gj.RW(1e-9), WHITE, 100.0).bank().initial.shape[0] == 3
+    assert num_states(gyro_bias_sd=[0.0, 0.5, 0.0]) == 4
+    assert num_states(accel_bias_sd=None) == 6
