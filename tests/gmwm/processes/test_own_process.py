@@ -3,48 +3,18 @@
 Processes of the package serve as the second computation: each law of theirs alone, and what follows beside their own.
 """
 
-from functools import cache
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from gmwm.alone import LAWS, TAU, alone, difference_of_covariances
 
 import gmwm_jax as gj
 import nav_jax as nj
 from gmwm_jax.processes import OwnProcess, Parameter, StateSpace, register
 from gmwm_jax.processes.registry import _REGISTERED
 
-LAWS = ("unit_psd", "unit_autocovariance", "unit_wavelet_variance")
-TAU = 2.0 ** np.arange(1, 25)
 LAGS = np.unique(np.round(np.append(0, np.geomspace(1, 1e6, 100))))
-
-
-@cache
-def alone(cls, law, *, stationary=True, ringing=0.0):
-    """A process of the package by one of its laws."""
-
-    def given(own, shape, x):
-        return getattr(cls, law)(shape, x)
-
-    body = {
-        "__annotations__": {p.name: "jax.Array | None" for p in cls.parameters},
-        "kind": f"{cls.__name__}_{law.split('_')[1]}".upper(),
-        "parameters": cls.parameters,
-        "stationary": stationary,
-        "amplitude_of": staticmethod(cls.amplitude_of),
-        "value_of": staticmethod(cls.value_of),
-        "ringing": classmethod(lambda own, shape: ringing),
-        law: classmethod(given),
-    }
-    return type(body["kind"].title(), (OwnProcess,), body)
-
-
-def difference_of_covariances(own, process, num_samples=2**11):
-    """Of the wavelet variance, in standard deviations of both."""
-    V, W = (np.asarray(gj.variance.wv_covariance(p, num_samples)) for p in (own, process))
-    sd = np.sqrt(np.diag(W))
-    return np.max(np.abs(V - W) / np.outer(sd, sd))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -61,49 +31,6 @@ def test_what_follows_from_one_law(law, beta):
     atol = 1e-5 if law == "unit_wavelet_variance" else 1e-6
     np.testing.assert_allclose(own.psd(f), psd, rtol=1e-12, atol=atol * np.max(psd))
     assert difference_of_covariances(own, process, 2**14) < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("process", "law", "stationary", "ringing"),
-    [
-        (gj.RW(2.0), "unit_psd", False, 0.0),
-        (gj.BI(1.0), "unit_psd", False, 0.0),
-        (gj.FGN(0.8, 1.0), "unit_psd", True, 0.0),
-        (gj.FGN(0.8, 1.0), "unit_autocovariance", True, 0.0),
-        (gj.FGN(0.8, 1.0), "unit_wavelet_variance", True, 0.0),
-        (gj.AR1(-0.9, 1.0), "unit_psd", True, 0.0),
-        (gj.AR1(-0.9, 1.0), "unit_autocovariance", True, 0.0),
-        (gj.MAT32(0.001, 1.0), "unit_psd", True, 0.0),
-        (gj.AR(2)(1.5, -0.8, 1.0), "unit_psd", True, 5.0),
-    ],
-    ids=repr,
-)
-def test_long_memories_alternation_and_resonances(process, law, stationary, ringing):
-    own = alone(type(process), law, stationary=stationary, ringing=ringing)(*process.values)
-    tau = TAU[:20]
-    np.testing.assert_allclose(own.wavelet_variance(tau), process.wavelet_variance(tau), rtol=1e-7)
-    assert difference_of_covariances(own, process) < 1e-6
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_it_can_be_differentiated_and_mapped(law):
-    """Values, forward and reverse derivatives, mapped over two processes, in one program."""
-
-    def quantities(cls):
-        def of(values):
-            p = cls(*values)
-            covariance = gj.variance.wv_covariance(p, 64)
-            return jnp.concatenate([p.wavelet_variance(TAU[:6]), jnp.ravel(covariance), p.autocovariance([0.0, 300.0])])
-
-        def all_of(values):
-            return of(values), jax.jacfwd(of)(values), jax.grad(lambda v: jnp.sum(jnp.cos(of(v))))(values)
-
-        return jax.jit(jax.vmap(all_of))
-
-    batch = jnp.array([[0.02, 1.3], [0.3, 0.7]])
-    ours, theirs = (quantities(cls)(batch) for cls in (alone(gj.GM, law), gj.GM))
-    for a, b in zip(ours, theirs, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize(
