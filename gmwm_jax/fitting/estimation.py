@@ -22,7 +22,7 @@ import optimistix as optx
 from jax import Array
 from jaxtyping import Bool, Float
 
-from gmwm_jax._internal.checks import require_x64
+from gmwm_jax._internal.checks import concrete, require_x64
 from gmwm_jax.fitting.bounds import Bounds
 from gmwm_jax.fitting.problem import Problem, require_fittable
 from gmwm_jax.fitting.reduced import Data, Layout, columns_and_slopes
@@ -64,6 +64,27 @@ class Estimates(eqx.Module):
             for label, p in zip(model.labels, model.processes, strict=True)
             for q, value in zip(p.parameters, p.values, strict=True)
         }
+
+    def __repr__(self) -> str:
+        """In two lines: values, shapes of a batch, question marks while they are traced."""
+        if not all(map(eqx.is_array_like, jax.tree.leaves(self))):  # shapes, specifications, whatever a tree may hold
+            return eqx.tree_pformat(self)
+        converged, objective, agreement = map(concrete, (self.converged, self.objective, self.agreement))
+        if converged is None or objective is None or agreement is None:
+            said = "traced"
+        elif converged.ndim:
+            said = (
+                f"a batch of {' x '.join(map(str, converged.shape))}, of which {np.sum(converged)} searches converged"
+            )
+        else:
+            end = "converged" if converged else "did NOT converge"
+            said = f"objective {objective:.8g}; the search {end}, {agreement:.0%} of the descents came to this minimum"
+            held = concrete(self.at_bound)
+            names = (
+                [name for name, there in zip(self.parameters, held, strict=True) if there] if held is not None else []
+            )
+            said += f"; at a bound: {', '.join(names)}" if names else ""
+        return f"Estimates: {self.model!r}\n{said}"
 
 
 def estimate(

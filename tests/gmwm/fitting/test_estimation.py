@@ -215,3 +215,22 @@ def test_results_are_pytrees(wv):
     shorter = gj.wavelet_variance(np.random.default_rng(0).normal(size=1000))
     assert jax.tree.structure(shorter) != jax.tree.structure(wv)
     assert jax.tree.structure(gj.wavelet_variance(np.ones(20_000) + np.arange(20_000) % 7.0)) == jax.tree.structure(wv)
+
+
+def test_estimates_print_themselves(wv, batch):
+    """Alone, at a bound, as a batch, and while they are traced."""
+    one = gj.fitting.estimate(wv, "WN + GM", bounds={"GM beta": (0.05, 0.5)})
+    assert repr(one).startswith("Estimates: WN(sigma2=")
+    assert "the search converged" in repr(one)
+    assert repr(one).endswith("at a bound: GM beta")
+    said = []
+
+    def of(nu):
+        found = gj.fitting.estimate(replace(wv, variance=nu), "WN + GM")
+        said.append(repr(found))
+        return found
+
+    several = jax.jit(jax.vmap(of))(batch)
+    assert said == ["Estimates: WN(sigma2=?) + GM(beta=?, variance=?)\ntraced"]
+    assert "ShapeDtypeStruct" in repr(jax.eval_shape(of, batch[0]))
+    assert f"a batch of {len(batch)}, of which {len(batch)} searches converged" in repr(several)
