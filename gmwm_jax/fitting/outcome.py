@@ -30,6 +30,8 @@ class Outcome(enum.StrEnum):
     """The data push it above them."""
     UNIT_ROOT = "at boundary: unit root"
     """A root of its polynomials has come to the unit circle."""
+    END_OF_RANGE = "at boundary: end of its range"
+    """A shape parameter is where the search for it ends, and nobody has said what the process is there."""
     NOT_IDENTIFIED = "not identified"
     """At a boundary of the component the data do not determine it."""
     NOT_TOLD_APART = "not told apart from others"

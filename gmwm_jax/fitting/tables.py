@@ -256,6 +256,6 @@ def _outcome(boundary: Outcome, process: AbstractProcess, reads: tuple[int, ...]
         return Outcome.FIXED
     if boundary is Outcome.ZERO:
         return Outcome.ZERO if len(process.parameters) - 1 in reads else Outcome.NOT_IDENTIFIED
-    # Towards a limit the parameters run off together, and data know only what survives there.
-    known = boundary is Outcome.ESTIMATED or boundary is Outcome.at(determined_at)
+    # Towards a limit the parameters run off together, and data know only what survives there. Of an end nobody knows.
+    known = boundary in (Outcome.ESTIMATED, Outcome.at(determined_at), Outcome.END_OF_RANGE)
     return boundary if known else Outcome.NOT_IDENTIFIED

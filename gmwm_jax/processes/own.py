@@ -9,12 +9,12 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.host import namespace
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.processes._maths import by_lags, by_spectrum
 from gmwm_jax.processes._maths.circulant import draw_stationary, negative_share
 from gmwm_jax.processes.base import AbstractProcess
-from gmwm_jax.processes.parameter import Parameter
+from gmwm_jax.processes.parameter import Limit, Parameter
 from gmwm_jax.processes.state_space import StateSpace
 
 _LAWS = ("unit_psd", "unit_autocovariance", "unit_wavelet_variance")
@@ -31,6 +31,10 @@ _WIDEST = 1e3
 """Of a number without unit and without bounds, and its inverse."""
 _INSIDE = 1e-3
 """Distance from the bounds of a parameter, of their distance."""
+
+
+_AT_END = 1e-3
+"""Of the range of a coordinate: this close to an end it is there."""
 
 
 class OwnProcess(AbstractProcess):
@@ -65,7 +69,7 @@ class OwnProcess(AbstractProcess):
 
     A search looks for a parameter with the unit ``1/sample`` from 0.01/tau_max to 3, for one with ``sample`` from 0.3
     to 100 tau_max, for others between the bounds of the `Parameter`, or from 1e-3 to 1e3. An estimate at such an end is
-    not marked, unless the class says what the process is there, by `limit_of`.
+    marked as at the end of its range, unless the class says what the process is there, by `limit_of`.
 
     Examples
     --------
@@ -283,6 +287,14 @@ class OwnProcess(AbstractProcess):
         """By the units and the bounds of the parameters."""
         ends = [tuple(math.log(v) if _is_log(p) else v for v in _range(p, tau_max)) for p in cls._shape_parameters()]
         return ends[0] if len(ends) == 1 else tuple(ends)
+
+    @classmethod
+    def limit_of(cls, shape: tuple[Any, ...], tau_max: float) -> Limit:
+        """That one of the parameters is at an end of where the search looks for it."""
+        at = np.atleast_1d(np.asarray(cls.coordinate_from_shape(known(*shape))))
+        low, high = np.reshape(cls.coordinate_bounds(tau_max), (-1, 2)).T
+        near = _AT_END * (high - low)
+        return Limit.END_OF_RANGE if np.any((at < low + near) | (at > high - near)) else Limit.NONE
 
     @classmethod
     def start_nodes(cls, tau_max: float, num: int) -> tuple[Any, ...]:

@@ -21,6 +21,8 @@ class Limit(enum.StrEnum):
     FLICKER_NOISE = "flicker noise"
     QUANTISATION_NOISE = "quantisation noise"
     UNIT_ROOT = "unit root"
+    END_OF_RANGE = "end of its range"
+    """Where a search ends, of a process that does not say what it is there."""
 
 
 class Parameter(NamedTuple):

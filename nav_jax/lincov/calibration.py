@@ -34,6 +34,8 @@ from nav_jax.statistics.epochs import Judged
 
 _ZERO = "at boundary: zero"
 """What a fit says of a component that is zero."""
+_END = "at boundary: end of its range"
+"""And of one whose shape is where the search for it ends."""
 _AT_ONCE = 16
 """Draws in one vectorised call."""
 
@@ -300,9 +302,11 @@ def _kept_parameters(fit: Any) -> list[int]:
         if float(process.amplitude) > 0:
             note = fit.at_boundary.get(label)
             if note and note != _ZERO:
+                # of an end that has no name there is no model of its own
+                other = "with its shape held there, or without it" if note == _END else repr(fit.reduced)
                 raise ValueError(
                     f"{label} of a fit is at its limit ({note}), where it has no distribution: fit the model that the "
-                    f"data show, {fit.reduced!r}."
+                    f"data show, {other}."
                 )
             kept += range(at, at + size)
         at += size

@@ -261,3 +261,17 @@ def test_the_search_goes_by_units_and_bounds():
     (first, last), (low, high) = Signed.coordinate_bounds(1000.0)
     np.testing.assert_allclose([np.exp(first), np.exp(last), low, high], [1 / np.pi, 1e5, -0.996, 2.996])
     assert float(Signed.correlation_time((7.0, 1.0))) == 7.0
+
+
+def test_an_estimate_at_the_end_of_the_search_is_marked():
+    """A class that does not say what its process is there; where it was found inside, nothing is."""
+    tau = 2.0 ** np.arange(1, 15)
+    nu = np.asarray(gj.parse_model("WN(sigma2=1.0)").wavelet_variance(tau))
+    wv = gj.variance.WaveletVariance.from_table(tau, nu, 0.9 * nu, 1.1 * nu)
+    fit = gj.fit(wv, Bend(), throw=False)
+    assert {label: note.value for label, note in fit.at_boundary.items()} == {"Bend": "at boundary: end of its range"}
+    assert [e.note for e in fit.parameters()] == ["at boundary: end of its range"] * len(Bend.parameters)
+    assert all(np.isfinite(e.value) for e in fit.parameters())
+    assert [p.kind for p in fit.reduced.processes] == ["Bend"]
+    inside = Bend.shape_from_coordinate(np.mean(np.reshape(Bend.coordinate_bounds(2.0**14), (-1, 2)), axis=1).squeeze())
+    assert not Bend.limit_of(inside, 2.0**14)
