@@ -208,7 +208,7 @@ def fit(fit: Fit, *, residuals: bool = True, datasheet: Datasheet | None = None)
     >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
     >>> figure = figures.fit(gj.fit(wv, "WN + RW"))
     >>> [trace.name for trace in figure.data if trace.showlegend][:2]
-    ['wavelet variance', 'fit']
+    ['fit', 'WN']
     """
     above, below = fit_data(fit, datasheet=datasheet)
     data, curve, model, *more = above.items

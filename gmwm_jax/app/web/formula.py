@@ -160,8 +160,8 @@ def converted(value: float, source: str, target: str) -> Step:
     Examples
     --------
     >>> from gmwm_jax.app.web import formula
-    >>> formula.converted(2.412920, "deg/sqrt(h)", "rad/s/sqrt(Hz)").value
-    0.00070189...
+    >>> f'{formula.converted(2.412920, "deg/sqrt(h)", "rad/s/sqrt(Hz)").value:.6g}'
+    '0.00070189'
     """
     a, b = unit(source), unit(target)
     numbers = f"{value:.7g} * {a.factor:.7g} / {b.factor:.7g}"
