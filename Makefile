@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test validate test-old-cpu check docs clean
+.PHONY: demo app test test-web validate test-old-cpu check docs clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -14,6 +14,9 @@ $(VENV)/.installed: pyproject.toml
 demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filters that believe them; all under out/
 	$(BIN)/python -m gmwm_jax demo --out out
 	$(BIN)/python -m nav_jax demo --fits out --out out
+
+app: $(VENV)/.installed  ## the page in the browser, on this machine alone
+	$(BIN)/python -m gmwm_jax app
 
 # all rooms, or one
 TESTS := $(if $(ROOM),$(wildcard tests/*/$(ROOM)))
@@ -28,6 +31,10 @@ test-old-cpu: TYPED := 1
 test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only, TYPED=1
 	$(if $(ROOM),$(if $(TESTS),,$(error There is no room $(ROOM); see tests/gmwm and tests/nav)))
 	$(PYTEST) $(TESTS)
+
+# In one process: the server, the browser and the tests share two cores, and compiled functions.
+test-web: $(VENV)/.installed  ## the page, in a real browser (chromium)
+	$(BIN)/python -m pytest tests/web
 
 # where the statistics are written down, each with its band, number of draws and commit
 RECORD ?= benchmarks/results/validation.json

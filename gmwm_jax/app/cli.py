@@ -1,5 +1,6 @@
-"""The command line: ``gmwm-jax wv | fit | select | units | data | demo``; a leaf: arguments in, results out."""
+"""The command line: ``gmwm-jax wv | fit | select | units | data | app | demo``; a leaf: arguments in, results out."""
 
+import importlib.util
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,6 +8,7 @@ import typer
 
 import gmwm_jax as gj
 from gmwm_jax._internal.entry import tell_version
+from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax.app.options import (
     Efficiency,
     Export,
@@ -314,6 +316,34 @@ def data_simulate(
     rec = gj.datasets.simulated(sensor, samples, key=key_of(seed))
     typer.echo(f"{rec}\n{gj.save_recording(rec, out)}")
     write_figure(plot, rec.plot)
+
+
+@command(app, "app")
+def serve_page(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: any that is free.")] = 8000,
+    host: Annotated[
+        str, typer.Option(help="Name or address at which it listens. There is no login: name another with care.")
+    ] = "127.0.0.1",
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")] = False,
+    max_upload: Annotated[str, typer.Option(help="The largest file that is taken.")] = "100MB",
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Computations at a time.")] = 2,
+    root_path: Annotated[str, typer.Option(help="Path under which a proxy shows the page.")] = "",
+) -> None:
+    """Open recordings, variances and models as a page in the browser, served by this machine."""
+    for need in ("shiny", "plotly"):
+        if importlib.util.find_spec(need) is None:
+            raise ImportError(f'The page needs the package {need}: pip install "gmwm-jax[web]".')
+    try:
+        upload = size_in_bytes(max_upload)
+    except ValueError:
+        raise ValueError(
+            f'--max-upload is a number of bytes, or a text such as "200MB", and is {max_upload!r}.'
+        ) from None
+    from gmwm_jax.app.web.limits import Limits
+    from gmwm_jax.app.web.server import serve
+
+    limits = Limits() if upload is None else Limits(upload=upload)
+    serve(host, port, typer.echo, browser=not no_browser, limits=limits, num_threads=workers, root_path=root_path)
 
 
 @command(app)

@@ -1,0 +1,43 @@
+"""What rooms show: figures, texts and the state of a computation."""
+
+from typing import Any
+
+import plotly.graph_objects as go
+from htmltools import Tag
+from shiny import ui
+from shiny.render.renderer import Jsonifiable, Renderer
+
+from gmwm_jax.app.web.computed import Outcome
+
+
+def output_figure(id: str) -> Tag:
+    """Make the place of a figure, and of what is said while it is computed."""
+    return ui.div(
+        ui.div(class_="gmwm-state", role="status"), ui.div(id=id, class_="gmwm-figure"), class_="gmwm-figure-frame"
+    )
+
+
+class render_figure(Renderer[go.Figure | Outcome[Any] | None]):
+    """Renders a function that returns a figure, or the outcome that there is no figure of yet."""
+
+    def auto_output_ui(self) -> Tag:
+        """Make its place."""
+        return output_figure(self.output_id)
+
+    async def transform(self, value: go.Figure | Outcome[Any]) -> Jsonifiable:
+        """Make what the page's script draws."""
+        if isinstance(value, Outcome):
+            return {"busy": value.busy} if value.busy else None
+        return {"figure": value.to_json(), "name": self.output_id}
+
+
+def status(outcome: Outcome[Any]) -> Tag | None:
+    """Show why there is no value, for everybody who listens."""
+    if outcome.error:
+        return ui.div(outcome.error, class_="gmwm-error", role="alert")
+    return ui.div(outcome.busy, role="status") if outcome.busy else None
+
+
+def text(value: Any) -> Tag | None:
+    """Show a result as it prints."""
+    return None if value is None else ui.tags.pre(str(value), class_="gmwm-text", tabindex="0")

@@ -1,0 +1,110 @@
+"""The page: rooms in a row, what is looked at beside them, the link that holds the inputs."""
+
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import plotly
+from htmltools import HTMLDependency, Tag
+from shiny import App, Inputs, Outputs, Session, reactive, render, ui
+
+import gmwm_jax as gj
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.outputs import status
+from gmwm_jax.app.web.rooms import data, model, variance
+from gmwm_jax.app.web.rooms.room import Room
+from gmwm_jax.app.web.state import State
+from gmwm_jax.app.web.store import Store
+
+ROOMS: tuple[Room, ...] = (data.ROOM, variance.ROOM, model.ROOM)
+_WWW = Path(__file__).parent / "www"
+
+
+def application(pool: Executor, limits: Limits) -> App:
+    """Make the application of the page.
+
+    Parameters
+    ----------
+    pool
+        Threads that compute for all pages.
+    limits
+        Of the server.
+    """
+
+    def page(request: Any) -> Tag:
+        return _page(State.from_query(request.query_params), limits)
+
+    def serve(input: Inputs, output: Outputs, session: Session) -> None:
+        _serve(input, session, Store(input, session, pool, limits))
+
+    app = App(page, serve)
+    app.sanitize_errors = True
+    return app
+
+
+def _page(state: State, limits: Limits) -> Tag:
+    package = Path(plotly.__file__).parent / "package_data"
+    sidebar = ui.sidebar(
+        ui.output_ui("about"),
+        ui.input_select("channel", "Channel", {state.channel: state.channel or "first"}, selected=state.channel),
+        ui.output_ui("working"),
+        title="What is looked at",
+        width="15rem",
+        open={"desktop": "open", "mobile": "closed"},
+    )
+    selected = state.room if state.room in {room.id for room in ROOMS} else ROOMS[0].id
+    return ui.page_navbar(
+        *(ui.nav_panel(room.title, room.ui(state, limits), value=room.id) for room in ROOMS),
+        ui.nav_spacer(),
+        ui.nav_control(ui.input_dark_mode(id="theme", aria_label="dark or light page")),
+        id="room",
+        selected=selected,
+        sidebar=sidebar,
+        title="gmwm_jax",
+        window_title="gmwm_jax: noise of inertial sensors",
+        lang="en",
+        navbar_options=ui.navbar_options(underline=True),
+        header=[
+            HTMLDependency(
+                "plotly", plotly.__version__, source={"subdir": str(package)}, script={"src": "plotly.min.js"}
+            ),
+            HTMLDependency(
+                "gmwm", gj.__version__, source={"subdir": str(_WWW)}, script={"src": "figure.js"},
+                stylesheet={"href": "app.css"}, all_files=False,
+            ),
+        ],
+    )  # fmt: skip
+
+
+def _serve(input: Inputs, session: Session, store: Store) -> None:
+    for room in ROOMS:
+        room.server(input, store)
+
+    @reactive.effect
+    def _channels() -> None:
+        shown = store.recording().value
+        if shown is not None:
+            with reactive.isolate():
+                chosen = store.channel()
+            names = list(shown.recording.channels)
+            ui.update_select("channel", choices=names, selected=chosen)
+
+    @reactive.effect
+    async def _link() -> None:
+        try:
+            query = store.state().to_query()
+        except ValueError:
+            return  # an input that is being typed
+        await session.send_custom_message("gmwm-link", {"query": query})
+
+    @render.ui
+    def about() -> Tag | None:
+        shown = store.recording().value
+        if shown is None:
+            return None
+        rec = shown.recording
+        return ui.p(f"{rec.name or 'recording'}: {len(rec)} samples at {rec.rate:g} Hz, {rec.duration:g} s")
+
+    @render.ui
+    def working() -> Tag | None:
+        return status(store.of_recording())

@@ -1,0 +1,220 @@
+"""A model for the channel that is looked at, fitted anew at every change."""
+
+import re
+from typing import Any, NamedTuple
+
+import plotly.graph_objects as go
+from htmltools import Tag
+from shiny import Inputs, reactive, render, ui
+
+import gmwm_jax as gj
+from gmwm_jax.app.web import figures
+from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.outputs import output_figure, render_figure, status, text
+from gmwm_jax.app.web.rooms.room import Room
+from gmwm_jax.app.web.rooms.variance import promised
+from gmwm_jax.app.web.state import State
+from gmwm_jax.app.web.store import Same, Store
+
+BOXES = {
+    "QN": "QN quantisation",
+    "WN": "WN white noise",
+    "RW": "RW random walk",
+    "DR": "DR drift",
+    "GM": "GM Gauss-Markov",
+}
+USUAL = ("WN", "WN + RW", "WN + RW + GM", "WN + RW + 2*GM", "WN + RW + 3*GM")
+"""Models that are compiled before somebody asks."""
+_MAX_HISTORY = 30
+_VALUE = re.compile(r"(=\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?)(?!\S*\s+fixed)(?=\s*[,)])")
+
+
+class _Fitted(NamedTuple):
+    """One line of the table of fits."""
+
+    model: str
+    channel: str
+    objective: float
+    chance: float | None
+
+
+def model_of(state: State) -> str:
+    """Write the model that the boxes, or the text in their place, are.
+
+    Raises
+    ------
+    ValueError
+        No box is ticked and there is no text.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.rooms.model import model_of
+    >>> from gmwm_jax.app.web.state import State
+    >>> model_of(State(boxes="WN,GM", gm=2))
+    'WN + 2*GM'
+    >>> model_of(State(model="WN(sigma2=1e-5) + RW", hold=True))
+    'WN(sigma2=1e-5 fixed) + RW'
+    """
+    if state.model.strip():
+        return _VALUE.sub(r"\1 fixed", state.model.strip()) if state.hold else state.model.strip()
+    ticked = [box for box in state.boxes.split(",") if box in BOXES]
+    if not ticked:
+        raise ValueError("No process is ticked: a model has one at least.")
+    return " + ".join(f"{state.gm}*GM" if box == "GM" and state.gm > 1 else box for box in ticked)
+
+
+def compile_usual_models() -> None:
+    """Fit and draw the usual models once: what is compiled serves records of any length."""
+    wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 20_000, channels=["gyro_x"]))
+    for model in USUAL:
+        fit = gj.fit(wv, model, throw=False)
+        assert isinstance(fit, gj.Fit)  # of one channel
+        figures.fit(fit)
+
+
+def _ui(state: State, limits: Limits) -> Tag:
+    weights = {"default": "intervals (as R)", "two-step": "two-step", "covariance": "covariance"}
+    return ui.div(
+        ui.h2("Model"),
+        ui.input_checkbox_group("boxes", "Processes", BOXES, selected=state.boxes.split(","), inline=True),
+        ui.div(
+            ui.input_numeric("gm", "Number of GM", state.gm, min=1, max=limits.gauss_markov),
+            ui.input_text(
+                "model", "Model as text, in place of the boxes", state.model, update_on="blur",
+                placeholder="WN + GM(beta=0.01 fixed) + ARMA(1,1)",
+            ),
+            ui.input_select("weights", "Weights", weights, selected=state.weights),
+            ui.input_switch("hold", "Hold the values in the text", state.hold),
+            ui.input_switch("residuals", "Residuals", state.residuals),
+            ui.input_action_button("adopt", "Take the datasheet's model", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("fit_status"),
+        output_figure("fitted"),
+        ui.output_ui("estimates"),
+        ui.output_ui("history"),
+    )  # fmt: skip
+
+
+def _server(input: Inputs, store: Store) -> None:
+    fits: reactive.Value[tuple[_Fitted, ...]] = reactive.Value(())
+
+    def key() -> Any:
+        wv, channel, state = store.variance().value, store.channel(), store.state()
+        if wv is None or channel is None or store.recording().value is None:
+            return None
+        return Same(wv), channel, model_of(state), state.weights
+
+    def work(key: Any) -> Any:
+        wv, channel, text_of_model, weights = key
+        model = gj.parse_model(text_of_model)
+        store.limits.require_model(model)
+        one = wv.value[channel] if len(wv.value.channels) > 1 else wv.value
+        return gj.fit(one, model, weights=weights, throw=False)
+
+    fit = store.computed(key, work, "fitting .. (a model that is new to the server is compiled once, some seconds)")
+
+    def printed_key() -> Any:
+        found = fit().value
+        return None if found is None else (Same(found), model_of(store.state()))
+
+    def print_out(key: Any) -> Any:
+        of, asked = key
+        found: gj.Fit = of.value
+        test = found.chi_square
+        return repr(found), _Fitted(
+            asked, found.wv.channels[0], found.objective, None if test is None else test.p_value
+        )
+
+    printed = store.computed(printed_key, print_out, "computing the intervals ..")
+
+    @reactive.effect
+    def _remember() -> None:
+        found = printed().value
+        if found is None:
+            return
+        one = found[1]
+        with reactive.isolate():
+            known = fits()
+        fits.set((one, *(f for f in known if (f.model, f.channel) != (one.model, one.channel)))[:_MAX_HISTORY])
+
+    @reactive.effect
+    @reactive.event(input.take)
+    def _take() -> None:
+        ui.update_text("model", value=str(input.take())[:500])
+
+    @reactive.effect
+    @reactive.event(input.adopt)
+    def _adopt() -> None:
+        found, state = fit().value, store.state()
+        if found is None or not state.datasheet:
+            ui.notification_show("Room Variance has a field for the datasheet: fill it in first.", type="warning")
+            return
+        try:
+            models = promised(state.datasheet, found.rate) or {}
+            model = models.get(found.wv.units[0])
+            if model is None:
+                raise ValueError(f"The datasheet says nothing of a channel in {found.wv.units[0]}.")
+            ui.update_text("model", value=repr(model))
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+
+    @reactive.calc
+    def drawn() -> Any:
+        """The figure, what is missing for it, or a sentence."""
+        first = store.of_recording()
+        outcome = fit() if first.value is not None else first
+        found = outcome.value
+        if not isinstance(found, gj.Fit):
+            return Outcome(error=outcome.error, busy=outcome.busy)
+        state = store.state()
+        try:
+            sheet = promised(state.datasheet, found.rate) if found.rate else None
+        except ValueError as error:
+            return Outcome(error=str(error))
+        of_channel = {si: model for si, model in (sheet or {}).items() if si in found.wv.units}
+        return figures.fit(found, residuals=state.residuals, datasheet=of_channel or None)
+
+    @render.ui
+    def fit_status() -> Tag | None:
+        found = drawn()
+        if isinstance(found, Outcome):
+            return status(found)
+        fitted = fit().value
+        if fitted is None:
+            return None
+        return ui.p(f"{fitted.model}: objective {fitted.objective:.7g}, {fitted.status.value}", id="objective")
+
+    @render_figure
+    def fitted() -> go.Figure | Outcome[Any]:
+        found = drawn()
+        figure: Any = found
+        return store.themed(figure) if isinstance(found, go.Figure) else figure
+
+    @render.ui
+    def estimates() -> Tag | None:
+        outcome = printed()
+        return text(outcome.value[0]) if outcome.value is not None else status(outcome)
+
+    @render.ui
+    def history() -> Tag | None:
+        known = fits()
+        if not known:
+            return None
+        rows = [
+            ui.tags.tr(
+                ui.tags.td(one.channel), ui.tags.td(f"{one.objective:.7g}"),
+                ui.tags.td("" if one.chance is None else f"{one.chance:.2g}"),
+                ui.tags.td(ui.tags.button(one.model, type="button", class_="btn btn-sm btn-link", data_take=one.model)),
+            )
+            for one in known
+        ]  # fmt: skip
+        head = ui.tags.thead(ui.tags.tr(*(ui.tags.th(name, scope="col") for name in _COLUMNS)))
+        table = ui.tags.table(head, ui.tags.tbody(*rows), class_="table")
+        return ui.div(ui.h2("Fits of this page"), ui.div(table, class_="gmwm-table"))
+
+
+_COLUMNS = ("channel", "objective", "p of fit", "model, to take up again")
+
+ROOM = Room("model", "Model & fit", _ui, _server)

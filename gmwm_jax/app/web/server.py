@@ -1,0 +1,187 @@
+"""The server of the page: which socket, who may come, where files lie, and how it ends."""
+
+import functools
+import multiprocessing.util
+import os
+import shutil
+import socket
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+
+from gmwm_jax._internal.interrupts import AbandonableExecutor
+from gmwm_jax.app.web.guard import Guard
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.page import application
+from gmwm_jax.app.web.rooms.model import compile_usual_models
+from gmwm_jax.app.web.uploads import start_reader
+
+PREFIX = "gmwm-jax-app-"
+"""Of the folder of a server's temporary files, followed by its process."""
+LOCAL = ("127.0.0.1", "localhost", "[::1]")
+_TRIES = 20
+
+
+class Running:
+    """A server on a socket: `run` it here, or `start` it in a thread.
+
+    Parameters
+    ----------
+    host, port
+        Where it listens; port 0: any that is free.
+    limits
+        Of sizes and counts.
+    num_threads
+        That compute for all pages.
+    root_path
+        Under which a proxy shows it.
+    prewarm
+        Compile the usual models while nobody waits.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.server import Running
+    >>> with Running(port=0) as server:  # doctest: +SKIP
+    ...     print(server.url)
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 8000,
+        *,
+        limits: Limits | None = None,
+        num_threads: int = 2,
+        root_path: str = "",
+        prewarm: bool = False,
+    ):
+        limits = limits or Limits()
+        self._socket = _listen(host, port)
+        self.port = self._socket.getsockname()[1]
+        self.url = f"http://{'127.0.0.1' if host in ('0.0.0.0', '::') else host}:{self.port}{root_path}/"
+        self._pool = AbandonableExecutor(num_threads)
+        if prewarm:
+            self._pool.submit(compile_usual_models)
+        names = {*LOCAL, host.lower()}
+        if host in ("0.0.0.0", "::"):
+            names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+        config = uvicorn.Config(
+            Guard(application(self._pool, limits), names, limits),
+            log_level="warning",
+            ws="websockets-sansio",
+            ws_max_size=limits.message,
+            server_header=False,
+            root_path=root_path,
+            timeout_graceful_shutdown=1,
+            limit_concurrency=20 * limits.sessions,
+            access_log=False,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread: threading.Thread | None = None
+        _sweep(Path(tempfile.gettempdir()))
+        self._before = tempfile.tempdir
+        tempfile.tempdir = str(_own_folder())
+        multiprocessing.util.get_temp_dir()  # of the process that starts readers; it lives as long as this one
+        start_reader()
+        self._folder = tempfile.tempdir = tempfile.mkdtemp(prefix="files-")
+
+    def run(self) -> None:
+        """Serve until an interrupt."""
+        try:
+            self._server.run(sockets=[self._socket])
+        finally:
+            self._end()
+
+    def __enter__(self) -> "Running":
+        self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]}, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.should_exit = self._server.force_exit = True
+        if self._thread is not None:
+            self._thread.join()
+        self._end()
+
+    def _end(self) -> None:
+        self._socket.close()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        tempfile.tempdir = self._before
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, **options: Any) -> None:
+    """Serve the page until an interrupt.
+
+    Parameters
+    ----------
+    host, port
+        Where it listens. Of a port that is taken, the next free one.
+    say
+        Told the address, in one line, and what is unsafe.
+    browser
+        Open it there.
+    options
+        Of `Running`.
+
+    Raises
+    ------
+    OSError
+        No port is free, or the host is none of this machine.
+    """
+    server = Running(host, port, prewarm=True, **options)
+    if port and server.port != port:
+        say(f"Port {port} is taken.")
+    if host not in LOCAL:
+        say("There is no login: everybody who reaches this machine can use it.")
+    say(f"gmwm_jax is at {server.url} (Ctrl-C ends it)")
+    if browser:
+        threading.Timer(0.5, webbrowser.open, [server.url]).start()
+    server.run()
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    for tried in range(port, port + (_TRIES if port else 1)):
+        found = socket.socket(family, socket.SOCK_STREAM)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            found.bind((host.strip("[]"), tried))
+            found.listen(128)
+            return found
+        except OSError as error:
+            found.close()
+            last = error
+    raise OSError(f"No port from {port} on is free at {host}: {last.strerror}. Name another with --port.")
+
+
+@functools.cache
+def _own_folder() -> Path:
+    """The folder of this process for files of visitors."""
+    folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-"))
+    # after that of multiprocessing, -100
+    multiprocessing.util.Finalize(None, shutil.rmtree, args=(folder, True), exitpriority=-200)
+    return folder
+
+
+def _sweep(root: Path) -> None:
+    """Remove the folders that killed servers left."""
+    for left in root.glob(f"{PREFIX}*"):
+        number = left.name.removeprefix(PREFIX).partition("-")[0]
+        if left.is_dir() and number.isdigit() and not _alive(int(number)):
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # of somebody else
+        return True
+    return True

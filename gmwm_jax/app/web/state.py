@@ -1,0 +1,95 @@
+"""All inputs of the page but files, as one checked object: what a link holds."""
+
+from typing import Any, Literal
+from urllib.parse import urlencode
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+Source = Literal["simulated", "public", "file"]
+MAX_QUERY = 2000
+"""Characters of a link."""
+
+
+class State(BaseModel):
+    """The inputs; each has a default and a range.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.state import State
+    >>> State(seed=3).to_query(), State.from_query({"seed": "3", "unknown": "x"}).seed
+    ('seed=3', 3)
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    room: str = Field("data", max_length=20)
+    source: Source = "simulated"
+    sensor: str = Field("mti-g", max_length=40)
+    samples: int = Field(100_000, ge=1000, le=2_000_000, title="Samples")
+    seed: int = Field(0, ge=0, le=2**31 - 1, title="Seed")
+    dataset: str = Field("", max_length=60)
+    rate: float | None = Field(None, gt=0, le=1e6, title="Sampling rate")
+    units: str = Field("", max_length=100, title="Unit")
+    time: str = Field("", max_length=100, title="Column of time")
+    columns: str = Field("", max_length=200, title="Columns")
+    delimiter: Literal["", ",", ";", "\t", " ", "|"] = ""
+    header: int | None = Field(None, ge=0, le=1000, title="Line of names")
+    gaps: Literal["refuse", "nan", "longest"] = "refuse"
+    outliers: Literal["keep", "mask"] = "keep"
+    channel: str = Field("", max_length=100)
+
+    estimator: Literal["classic", "robust"] = "classic"
+    efficiency: float = Field(0.6, ge=0.5, le=0.99, title="Efficiency")
+    allan: bool = False
+    in_samples: bool = False
+    deviation: bool = False
+    band: bool = True
+    slopes: bool = False
+    compare: bool = False
+    every: bool = True
+    unit: Literal["si", "deg_s", "deg_h"] = "si"
+    datasheet: str = Field("", max_length=300, title="Datasheet")
+
+    boxes: str = Field("WN", max_length=40)
+    """Of processes, joined by commas."""
+    gm: int = Field(1, ge=1, le=5, title="Number of GM")
+    model: str = Field("", max_length=500, title="Model as text")
+    """In place of the boxes."""
+    hold: bool = False
+    weights: Literal["default", "two-step", "covariance"] = "default"
+    residuals: bool = True
+
+    def to_query(self) -> str:
+        """Write what differs from the defaults as the query of a link; empty where it would be too long."""
+        given = self.model_dump(exclude_defaults=True, exclude_none=True)
+        query = urlencode({k: int(v) if isinstance(v, bool) else v for k, v in given.items()})
+        return query if len(query) <= MAX_QUERY else ""
+
+    @classmethod
+    def from_query(cls, query: Any) -> "State":
+        """Read a query: what is unknown or out of range is left out."""
+        given: dict[str, Any] = {key: value for key, value in query.items() if key in cls.model_fields}
+        while True:
+            try:
+                return cls(**given)
+            except ValidationError as error:
+                for found in error.errors():
+                    given.pop(str(found["loc"][0]), None)
+
+
+def checked(given: dict[str, Any]) -> State:
+    """Make a state of what the page says.
+
+    Raises
+    ------
+    ValueError
+        The first input that is out of range, by its label.
+    """
+    try:
+        return State(**given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(first["loc"][0])
+        label = State.model_fields[name].title or name if name in State.model_fields else name
+        reason = str(first["msg"]).replace("Input should be", "must be")
+        raise ValueError(f"{label}: {reason}; it is {first.get('input')!r:.40}.") from None

@@ -1,0 +1,183 @@
+"""What a page knows: its inputs, the recording, wavelet variances; each belongs to the inputs that it is of."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import plotly.graph_objects as go
+from shiny import Inputs, reactive
+from shiny.session import Session
+
+import gmwm_jax as gj
+from gmwm_jax.app.web.computed import Computed, Outcome
+from gmwm_jax.app.web.frames import themed
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.state import State, checked
+from gmwm_jax.app.web.uploads import read_upload
+from gmwm_jax.app.web.words import in_words_of_the_page
+
+
+class File(NamedTuple):
+    """A file that was sent."""
+
+    path: str
+    name: str
+
+
+class Shown(NamedTuple):
+    """A recording, and what was done to it."""
+
+    recording: "gj.Recording"
+    remarks: tuple[str, ...] = ()
+
+
+_OF_SOURCE: dict[str, tuple[str, ...]] = {
+    "simulated": ("source", "sensor", "samples", "seed"),
+    "public": ("source", "dataset"),
+    "file": ("source", "rate", "units", "time", "columns", "delimiter", "header", "gaps"),
+}
+"""Inputs that a recording depends on."""
+
+Key = tuple[Any, ...]
+
+
+class Store:
+    """The state of one page.
+
+    Parameters
+    ----------
+    input, session
+        Of the framework.
+    pool
+        Threads of all pages.
+    limits
+        Of the server.
+    """
+
+    def __init__(self, input: Inputs, session: Session, pool: Executor, limits: Limits):
+        self._input, self._session, self._pool, self.limits = input, session, pool, limits
+        self.file: reactive.Value[File | None] = reactive.Value(None)
+        self.state = reactive.calc(self._state)
+        self.recording: Computed[Key, Shown] = self.computed(self._recording_key, self._record, "reading ..")
+        self.variance: Computed[Key, Any] = self.computed(self._variance_key, self._vary, "computing the variance ..")
+        self.robust: Computed[Key, Any] = self.computed(
+            self._robust_key, self._vary_robustly, "computing the robust variance .."
+        )
+
+    def computed(self, key: Callable[[], Any], work: Callable[[Any], Any], busy: str) -> Computed[Any, Any]:
+        """Make a value that threads compute for this page."""
+        return Computed(self._session, self._pool, key, work, busy, in_words_of_the_page)
+
+    def themed(self, figure: go.Figure) -> go.Figure:
+        """Draw a figure for the page as it is, light or dark; reactive."""
+        return themed(figure, dark=self._input.theme() == "dark")
+
+    def narrow(self) -> bool:
+        """Is the page that of a phone? Reactive."""
+        return "narrow" in self._input and bool(self._input.narrow())
+
+    def _state(self) -> State:
+        given = {name: self._input[name]() for name in State.model_fields if name in self._input}
+        if "boxes" in given:
+            given["boxes"] = ",".join(given["boxes"])
+        return checked(given)
+
+    def _recording_key(self) -> Key | None:
+        state = self.state()
+        chosen = tuple(getattr(state, name) for name in _OF_SOURCE[state.source])
+        if state.source == "file":
+            file = self.file()
+            return None if file is None else (*chosen, state.outliers, file)
+        if state.source == "public" and not state.dataset:
+            return None
+        return (*chosen, state.outliers)
+
+    def _record(self, key: Key) -> Shown:
+        match key:
+            case ("simulated", sensor, samples, seed, *_):
+                if samples > self.limits.samples:
+                    raise ValueError(f"Samples: this server draws at most {self.limits.samples}.")
+                recording = gj.datasets.simulated(sensor, samples, key=jax.random.key(seed))
+            case ("public", name, *_):
+                recording = gj.datasets.load(name)
+            case (_, rate, units, time, columns, delimiter, header, gaps, _, File(path, name)):
+                options = {
+                    "rate": rate,
+                    "units": _one_or_pairs(units) or None,
+                    "time": _columns(time) or None,
+                    "columns": _columns(columns) or None,
+                    "delimiter": delimiter or None,
+                    "header": header,
+                    "gaps": gaps,
+                }
+                recording = read_upload(Path(path), name, options, self.limits)
+        remarks = () if recording.understood is None else (str(recording.understood),)
+        if (key[-2] if key[0] == "file" else key[-1]) == "mask":
+            masked = gj.recordings.mask_outliers(recording)
+            return Shown(masked.recording, (*remarks, str(masked)))
+        return Shown(recording, remarks)
+
+    def _known(self) -> Shown | None:
+        """The recording of the present inputs, if it is there."""
+        return self.recording().value
+
+    def _variance_key(self) -> Key | None:
+        shown, state = self._known(), self.state()
+        if shown is None:
+            return None
+        return Same(shown), state.efficiency if state.estimator == "robust" else None
+
+    def _vary(self, key: Key) -> Any:
+        of, efficiency = key
+        return gj.wavelet_variance(of.value.recording, efficiency=efficiency)
+
+    def _robust_key(self) -> Key | None:
+        shown, state = self._known(), self.state()
+        if shown is None or not state.compare or state.estimator == "robust":
+            return None
+        return Same(shown), state.efficiency
+
+    def _vary_robustly(self, key: Key) -> Any:
+        return self._vary(key)
+
+    def channel(self) -> str | None:
+        """Return the channel that is looked at; reactive."""
+        shown = self._known()
+        if shown is None:
+            return None
+        chosen = self.state().channel
+        return chosen if chosen in shown.recording.channels else shown.recording.channels[0]
+
+    def of_recording(self) -> Outcome[Any]:
+        """Tell why there is no variance yet: the recording's reason, else its own."""
+        first = self.recording()
+        return first if first.value is None else self.variance()
+
+
+class Same:
+    """An object as a key: the same if it is the same object."""
+
+    def __init__(self, value: Any):
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Same) and other.value is self.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+
+def _one_or_pairs(text: str) -> str | dict[str, str]:
+    """A unit, or units by channel or group as ``gyro=deg/s, accel=g``."""
+    if "=" not in text:
+        return text.strip()
+    pairs = [part.partition("=") for part in text.split(",")]
+    return {name.strip(): value.strip() for name, _, value in pairs}
+
+
+def _columns(text: str) -> list[int | str]:
+    """Names or numbers of columns, separated by commas."""
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    return [int(part) if part.isdigit() else part for part in parts]

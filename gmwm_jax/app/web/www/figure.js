@@ -1,0 +1,85 @@
+// Draws the figures of the page, keeps its link, and tells sizes of files before they are sent.
+(function () {
+  "use strict";
+  class Figure extends Shiny.OutputBinding {
+    find(scope) {
+      return $(scope).find(".gmwm-figure");
+    }
+    async renderValue(el, message) {
+      const state = el.parentElement.querySelector(".gmwm-state");
+      if (!message) {
+        Plotly.purge(el);
+        el.removeAttribute("aria-label");
+        el.removeAttribute("data-drawn");
+        el.style.height = "";
+        state.textContent = "";
+        return;
+      }
+      if (message.busy) { // the figure before stays, and is seen to be no answer
+        el.classList.add("gmwm-stale");
+        el.removeAttribute("data-drawn");
+        state.textContent = message.busy;
+        return;
+      }
+      const figure = JSON.parse(message.figure);
+      const layout = figure.layout;
+      const alt = (layout.meta && layout.meta.alt) || "";
+      el.style.height = layout.height + "px";
+      if (el.clientWidth < 560) { // a phone: less margin
+        layout.margin = Object.assign({}, layout.margin, { l: 62, r: 6 });
+      }
+      await Plotly.react(el, figure.data, layout, {
+        responsive: true, displaylogo: false, toImageButtonOptions: { format: "svg", filename: message.name },
+        modeBarButtonsToRemove: ["select2d", "lasso2d"],
+      });
+      el.setAttribute("role", "img");
+      el.setAttribute("aria-label", alt);
+      el.classList.remove("gmwm-stale");
+      state.textContent = "";
+      el.dataset.drawn = String(Number(el.dataset.count || 0) + 1);
+      el.dataset.count = el.dataset.drawn;
+    }
+    renderError(el, error) {
+      el.parentElement.querySelector(".gmwm-state").textContent = error.message;
+    }
+    clearError() {}
+  }
+  Shiny.outputBindings.register(new Figure(), "gmwm.figure");
+
+  Shiny.addCustomMessageHandler("gmwm-link", function (message) {
+    const query = message.query;
+    history.replaceState(null, "", location.pathname + (query ? "?" + query : ""));
+  });
+
+  const narrow = matchMedia("(max-width: 560px)");
+  function tell() { Shiny.setInputValue("narrow", narrow.matches); }
+  narrow.addEventListener("change", tell);
+  $(document).on("shiny:connected", tell);
+
+  // a model of the table of fits is taken up again
+  document.addEventListener("click", function (event) {
+    const button = event.target.closest("[data-take]");
+    if (button) Shiny.setInputValue("take", button.dataset.take, { priority: "event" });
+  });
+
+  // before the framework's own listener
+  document.addEventListener("change", function (event) {
+    const field = event.target;
+    if (field.type !== "file" || !field.files.length) return;
+    const most = Number(document.body.querySelector("[data-max-upload]").dataset.maxUpload);
+    const told = document.getElementById("too_large");
+    told.textContent = "";
+    if (field.files[0].size > most) {
+      event.stopImmediatePropagation();
+      told.textContent = told.dataset.sentence;
+      field.value = "";
+    }
+  }, true);
+
+  // a figure that was drawn while it was hidden takes the width that it has now
+  document.addEventListener("shown.bs.tab", function () {
+    document.querySelectorAll(".gmwm-figure[data-drawn]").forEach(function (el) {
+      if (el.offsetParent) Plotly.Plots.resize(el);
+    });
+  });
+})();
