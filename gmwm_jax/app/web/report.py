@@ -62,7 +62,7 @@ def downloads(
     --------
     >>> from gmwm_jax.app.web import report
     >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["gyro_x"]))
-    >>> [name for name in report.downloads([gj.fit(wv, "WN + RW")]) if "filter" in name]
+    >>> [name for name in report.downloads([gj.fit(wv, "WN + RW")]) if name.endswith("_filter.csv")]
     ['1_gyro_x_filter.csv']
     """
     made: dict[str, bytes] = {}
