@@ -30,7 +30,8 @@ from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
 
 _DATA, _FIT, _OTHER = COLOURS[0], COLOURS[1], COLOURS[2]
 _DATASHEET = "datasheet"
-_SLOPES = ((-2, "quantisation, -2"), (-1, "white, -1"), (0, "flicker, 0"), (1, "random walk, +1"), (2, "drift, +2"))
+_SLOPES = {"quantisation": -2, "white noise": -1, "flicker": 0, "random walk": 1, "drift": 2}
+"""Of the variance over scale, in double logarithm."""
 _MAX_STEPS = 400
 """Different steps of a record that are counted one by one; of more, ranges."""
 
@@ -170,7 +171,7 @@ def variance(
     def style(_: Frame, i: int, item: Item) -> Style:
         if item.label == _DATASHEET:
             return Style(GREY, "dashdot", 1.8)
-        if item.label and item.label in {text for _, text in _SLOPES}:
+        if item.label.partition(", slope")[0] in _SLOPES:
             return Style(FAINT, "dot", 1)
         other = robust is not None and i >= 1 + band
         return Style(_FIT if other else _DATA, symbol=SYMBOLS[1 if other else 0], dash="dash" if other else "solid")
@@ -446,10 +447,10 @@ def _slopes(x: np.ndarray, y: np.ndarray, power: float) -> list[Item]:
     """Lines of the slopes that processes have, through the middle of the data."""
     k = len(x) // 2
     lines: list[Item] = []
-    for slope, label in _SLOPES:
+    for name, slope in _SLOPES.items():
         line = y[k] * (x / x[k]) ** (slope * power)
         inside = (line >= 0.3 * y.min()) & (line <= 3 * y.max())
-        lines.append(Line(label, x[inside], line[inside]))
+        lines.append(Line(f"{name}, slope {f'{slope * power:+g}' if slope else 0}", x[inside], line[inside]))
     return lines
 
 

@@ -166,6 +166,8 @@ def _add(figure: Any, at: dict[str, int], frame: Frame, item: Item, style: Style
             if interval is not None:
                 extra["customdata"] = interval
                 hover += f"<br>%{{customdata[0]:.4g}} .. %{{customdata[1]:.4g}} {escaped(frame.y.unit)}"
+            if not len(x):  # a curve that is not there, and is named: without a point it had no entry in the legend
+                x, y = np.array([np.nan]), np.array([np.nan])
             mode = "lines+markers" if style.symbol else "lines"
             line = {"color": style.colour, "width": style.width, "dash": style.dash}
             marker = {"symbol": f"{style.symbol or 'circle'}-open", "size": 7, "color": style.colour}

@@ -64,6 +64,22 @@ def test_the_fit_has_its_components_and_residuals():
     assert "residual" not in {t.name for t in figures.fit(fit, residuals=False).data}
 
 
+def test_slopes_are_those_of_what_is_drawn():
+    for deviation, power in ((False, 1.0), (True, 0.5)):
+        figure = figures.variance(simulated(), slopes=True, deviation=deviation)
+        x, y = curve(figure, f"white noise, slope {-power:+g}")
+        np.testing.assert_allclose(np.diff(np.log(y)) / np.diff(np.log(x)), -power, rtol=1e-9)
+
+
+def test_a_component_at_zero_is_named():
+    fit = fitted()
+    none = fit.model.processes[0].__class__(0.0)
+    figure = figures.fit(replace(fit, model=gj.Composite([none, *fit.model.processes[1:]])))
+    (zero,) = [t for t in figure.data if t.name == "WN: zero"]
+    assert zero.showlegend
+    assert len(zero.x) == 1  # one without points has no entry
+
+
 def test_intervals_mark_the_truth():
     fit = fitted()
     truth = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.03, variance=0.2)")
