@@ -185,11 +185,16 @@ class Fit(Drawable, Saved, Labelled):
         if V is None or not (np.isfinite(self.objective) and np.all(np.isfinite(V)) and np.all(np.diag(V) > 0)):
             return None
         own = chi_square(*self._residuals, V)
-        if self.weights.inverts_covariance:
+        if self.weighs_covariances:
             return own
         again, V_again = self._again
         tested = chi_square(*again._residuals, V_again)
         return ChiSquare(tested.statistic, tested.dof, tested.p_value, own.pulls)
+
+    @property
+    def weighs_covariances(self) -> bool:
+        """Is Omega no diagonal, but the inverse of a covariance, by which the objective itself is the test of fit?"""
+        return bool(np.any(self.omega - np.diag(np.diag(self.omega))))
 
     @cached_property
     def misfit(self) -> str:

@@ -48,10 +48,11 @@ class GoodnessOfFit(Saved):
         ]
         head = ["span [s]" if wv.rate else "span [samples]", "data", "model", "pull", ""]
         model = " + ".join(self.fit.model.labels)
+        of = "" if self.fit.weighs_covariances else "\nchi-square and p: with amplitudes by weights of the model itself"
         return (
             f"Goodness of fit of {model} to {wv.channels[0]}: chi-square {self.statistic:.4g} "
             f"with {self.dof} degrees of freedom, p = {self.p_value:.3g}\n{format_table(head, rows, left=0)}\n"
-            "pull: residual in its standard deviations (! beyond 2, !! beyond 3, !!! beyond 4)"
+            "pull: residual in its standard deviations (! beyond 2, !! beyond 3, !!! beyond 4)" + of
         )
 
 

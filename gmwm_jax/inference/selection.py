@@ -414,7 +414,7 @@ def _select(
         tested, own = fits[m], V
         if sound[m] and not better:
             own = _own_covariance(whole, fits[m])
-            if not fits[m].weights.inverts_covariance:  # see `gmwm_jax.fitting.misfit`
+            if not fits[m].weighs_covariances:  # see `gmwm_jax.fitting.misfit`
                 tested, own = fits[m].with_amplitudes_again(own)
         root = tested.whitener
         M = np.eye(len(V)) - np.linalg.inv(root) @ projection(root @ tangents(tested)) @ root
