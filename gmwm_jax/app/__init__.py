@@ -49,6 +49,9 @@ The parameter files of other filters, whose comments say units, rate and what wa
 gmwm-jax fit imu.npz --model "WN + RW + GM" --export kalibr=imu.yaml --export px4=ekf2.params --export nav-jax=fit.json
 ```
 
+All of this is a page in the browser, too: ``gmwm-jax app`` serves it on this machine alone (extra ``web``), and Ctrl-C
+ends it. There is no login: ``--host`` shows it to others, behind a proxy with ``--root-path``.
+
 Units, without any data:
 
 ```console

@@ -11,12 +11,12 @@ from shiny import App, Inputs, Outputs, Session, reactive, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import status
-from gmwm_jax.app.web.rooms import data, model, variance
+from gmwm_jax.app.web.rooms import data, model, units, variance
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Store
 
-ROOMS: tuple[Room, ...] = (data.ROOM, variance.ROOM, model.ROOM)
+ROOMS: tuple[Room, ...] = (data.ROOM, variance.ROOM, model.ROOM, units.ROOM)
 _WWW = Path(__file__).parent / "www"
 
 
@@ -86,7 +86,7 @@ def _serve(input: Inputs, session: Session, store: Store) -> None:
         if shown is not None:
             with reactive.isolate():
                 chosen = store.channel()
-            names = list(shown.recording.channels)
+            names = list(shown.channels)
             ui.update_select("channel", choices=names, selected=chosen)
 
     @reactive.effect
@@ -102,8 +102,7 @@ def _serve(input: Inputs, session: Session, store: Store) -> None:
         shown = store.recording().value
         if shown is None:
             return None
-        rec = shown.recording
-        return ui.p(f"{rec.name or 'recording'}: {len(rec)} samples at {rec.rate:g} Hz, {rec.duration:g} s")
+        return ui.p(shown.about)
 
     @render.ui
     def working() -> Tag | None:

@@ -1,5 +1,6 @@
 """The server of the page: which socket, who may come, where files lie, and how it ends."""
 
+import contextlib
 import functools
 import multiprocessing.util
 import os
@@ -93,7 +94,8 @@ class Running:
     def run(self) -> None:
         """Serve until an interrupt."""
         try:
-            self._server.run(sockets=[self._socket])
+            with contextlib.suppress(KeyboardInterrupt):  # the usual end
+                self._server.run(sockets=[self._socket])
         finally:
             self._end()
 

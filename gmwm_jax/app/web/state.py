@@ -5,7 +5,7 @@ from urllib.parse import urlencode
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-Source = Literal["simulated", "public", "file"]
+Source = Literal["published", "simulated", "public", "file"]
 MAX_QUERY = 2000
 """Characters of a link."""
 
@@ -24,6 +24,7 @@ class State(BaseModel):
 
     room: str = Field("data", max_length=20)
     source: Source = "simulated"
+    published: str = Field("mti-g", max_length=40)
     sensor: str = Field("mti-g", max_length=40)
     samples: int = Field(100_000, ge=1000, le=2_000_000, title="Samples")
     seed: int = Field(0, ge=0, le=2**31 - 1, title="Seed")
@@ -58,6 +59,11 @@ class State(BaseModel):
     hold: bool = False
     weights: Literal["default", "two-step", "covariance"] = "default"
     residuals: bool = True
+
+    target: str = Field("kalibr", max_length=20)
+    value: float = Field(0.15, title="Value")
+    unit_from: str = Field("deg/sqrt(h)", max_length=40, title="From")
+    unit_to: str = Field("rad/s/sqrt(Hz)", max_length=40, title="To")
 
     def to_query(self) -> str:
         """Write what differs from the defaults as the query of a link; empty where it would be too long."""

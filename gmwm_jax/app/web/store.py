@@ -13,10 +13,12 @@ from shiny.session import Session
 import gmwm_jax as gj
 from gmwm_jax.app.web.computed import Computed, Outcome
 from gmwm_jax.app.web.frames import themed
+from gmwm_jax.app.web.library import published
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.state import State, checked
 from gmwm_jax.app.web.uploads import read_upload
 from gmwm_jax.app.web.words import in_words_of_the_page
+from gmwm_jax.variance.wavelet import WaveletVariances
 
 
 class File(NamedTuple):
@@ -29,11 +31,29 @@ class File(NamedTuple):
 class Shown(NamedTuple):
     """A recording, and what was done to it."""
 
-    recording: "gj.Recording"
+    recording: "gj.Recording | None"
+    """None: there is nothing but wavelet variances."""
     remarks: tuple[str, ...] = ()
+    published: WaveletVariances | None = None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Their names."""
+        known = self.recording or self.published
+        return () if known is None else known.channels
+
+    @property
+    def about(self) -> str:
+        """Say in a line what it is."""
+        if self.recording is not None:
+            rec = self.recording
+            return f"{rec.name or 'recording'}: {len(rec)} samples at {rec.rate:g} Hz, {rec.duration:g} s"
+        wv = self.published
+        return "" if wv is None else f"{wv.name}: {wv.num_samples} samples at {wv.rate:g} Hz, of which none are here"
 
 
 _OF_SOURCE: dict[str, tuple[str, ...]] = {
+    "published": ("source", "published"),
     "simulated": ("source", "sensor", "samples", "seed"),
     "public": ("source", "dataset"),
     "file": ("source", "rate", "units", "time", "columns", "delimiter", "header", "gaps"),
@@ -55,6 +75,9 @@ class Store:
     limits
         Of the server.
     """
+
+    fit: Computed[Key, Any]
+    """Of the channel that is looked at; the room of models makes it."""
 
     def __init__(self, input: Inputs, session: Session, pool: Executor, limits: Limits):
         self._input, self._session, self._pool, self.limits = input, session, pool, limits
@@ -96,6 +119,9 @@ class Store:
 
     def _record(self, key: Key) -> Shown:
         match key:
+            case ("published", name, *_):
+                wv = published(name)
+                return Shown(None, (repr(wv), "There are no samples: no series, no robust estimate, no outliers."), wv)
             case ("simulated", sensor, samples, seed, *_):
                 if samples > self.limits.samples:
                     raise ValueError(f"Samples: this server draws at most {self.limits.samples}.")
@@ -131,6 +157,10 @@ class Store:
 
     def _vary(self, key: Key) -> Any:
         of, efficiency = key
+        if of.value.published is not None:
+            if efficiency is not None:
+                raise ValueError("Published wavelet variances have no samples, and so no robust estimate.")
+            return of.value.published
         return gj.wavelet_variance(of.value.recording, efficiency=efficiency)
 
     def _robust_key(self) -> Key | None:
@@ -148,7 +178,7 @@ class Store:
         if shown is None:
             return None
         chosen = self.state().channel
-        return chosen if chosen in shown.recording.channels else shown.recording.channels[0]
+        return chosen if chosen in shown.channels else shown.channels[0]
 
     def of_recording(self) -> Outcome[Any]:
         """Tell why there is no variance yet: the recording's reason, else its own."""

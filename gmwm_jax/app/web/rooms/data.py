@@ -5,6 +5,7 @@ from shiny import Inputs, reactive, render, ui
 
 import gmwm_jax as gj
 from gmwm_jax.app.web import figures
+from gmwm_jax.app.web.library import PUBLISHED, entries
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import output_figure, render_figure, status, text
 from gmwm_jax.app.web.rooms.room import Room
@@ -16,6 +17,8 @@ _GAPS = {"refuse": "an error", "nan": "pairs of the others", "longest": "the lon
 
 
 def _ui(state: State, limits: Limits) -> Tag:
+    tables = {entry.name: entry.title for entry in entries() if entry.kind == PUBLISHED}
+    known = ui.input_select("published", "Published wavelet variances", tables, selected=state.published, width="22rem")
     simulated = ui.div(
         ui.input_select("sensor", "Sensor", list(gj.datasets.sensors()), selected=state.sensor),
         ui.input_numeric("samples", "Samples", state.samples, min=1000, max=limits.samples, update_on="blur"),
@@ -42,6 +45,7 @@ def _ui(state: State, limits: Limits) -> Tag:
     return ui.div(
         ui.h2("Recording"),
         ui.navset_pill(
+            ui.nav_panel("Published", known, value="published"),
             ui.nav_panel("Simulated sensor", simulated, value="simulated"),
             ui.nav_panel("Public recording", public, value="public"),
             ui.nav_panel("Own file", file, value="file"),
@@ -73,13 +77,19 @@ def _server(input: Inputs, store: Store) -> None:
     @render.ui
     def facts() -> Tag | None:
         shown = store.recording().value
-        return None if shown is None else text("\n".join([repr(shown.recording), *shown.remarks]))
+        return (
+            None
+            if shown is None
+            else text("\n".join([*([repr(shown.recording)] if shown.recording is not None else []), *shown.remarks]))
+        )
 
     @render_figure
     def series():
         outcome, channel = store.recording(), store.channel()
         if outcome.value is None or channel is None:
             return outcome
+        if outcome.value.recording is None:
+            return None
         return store.themed(figures.recording(outcome.value.recording, channel))
 
     @render_figure
@@ -87,6 +97,8 @@ def _server(input: Inputs, store: Store) -> None:
         outcome, channel = store.recording(), store.channel()
         if outcome.value is None or channel is None:
             return outcome
+        if outcome.value.recording is None:
+            return None
         return store.themed(figures.steps(outcome.value.recording, channel))
 
 

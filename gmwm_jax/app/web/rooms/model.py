@@ -115,6 +115,8 @@ def _server(input: Inputs, store: Store) -> None:
 
     fit = store.computed(key, work, "fitting .. (a model that is new to the server is compiled once, some seconds)")
 
+    store.fit = fit
+
     def printed_key() -> Any:
         found = fit().value
         return None if found is None else (Same(found), model_of(store.state()))
