@@ -38,8 +38,6 @@ def with_amplitudes_again(
     error
         Relative standard deviations of the wavelet variance.
     """
-    from scipy.optimize import nnls  # 0.15 s to import, which a fit that nobody looks at need not take
-
     one: Any = np.float64(1.0)
     at = spans(tau)
     unit = np.array([np.asarray(scaled(p.unit_wavelet_variance, one, p.shape, at)) for p in model.processes])
@@ -54,7 +52,7 @@ def with_amplitudes_again(
         target = (variance - np.delete(amplitudes, free) @ np.delete(unit, free, axis=0)) / sd
         columns = unit[free].T / sd[:, None]
         length = np.linalg.norm(columns, axis=0)
-        amplitudes[free] = nnls(columns / length, target)[0] / length
+        amplitudes[free] = _none_below_zero(columns / length, target) / length
         sd = np.maximum(amplitudes @ unit, 1e-9 * variance) * error
     return Composite(
         [
@@ -62,6 +60,16 @@ def with_amplitudes_again(
             for i, (p, a) in enumerate(zip(model.processes, amplitudes, strict=True))
         ]
     ), np.diag(sd**-2.0)
+
+
+def _none_below_zero(A: Float[np.ndarray, "J P"], b: Float[np.ndarray, " J"]) -> Float[np.ndarray, " P"]:
+    """Least squares with x >= 0: the plain solution where that is none, which is most often."""
+    x, _, rank, _ = np.linalg.lstsq(A, b, rcond=None)
+    if rank == A.shape[1] and np.all(x >= 0):
+        return x
+    from scipy.optimize import nnls  # 0.15 s to import
+
+    return nnls(A, b)[0]
 
 
 def _with_amplitude(process: AbstractProcess, amplitude: float) -> AbstractProcess:
