@@ -1,9 +1,10 @@
 """What a page knows: its inputs, the recording, wavelet variances; each belongs to the inputs that it is of."""
 
+import asyncio
 from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import plotly.graph_objects as go
@@ -61,6 +62,7 @@ _OF_SOURCE: dict[str, tuple[str, ...]] = {
 """Inputs that a recording depends on."""
 
 Key = tuple[Any, ...]
+T = TypeVar("T")
 
 
 class Store:
@@ -88,6 +90,10 @@ class Store:
         self.robust: Computed[Key, Any] = self.computed(
             self._robust_key, self._vary_robustly, "computing the robust variance .."
         )
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Compute something once, among what threads compute for all pages."""
+        return await asyncio.get_running_loop().run_in_executor(self._pool, work)
 
     def computed(self, key: Callable[[], Any], work: Callable[[Any], Any], busy: str) -> Computed[Any, Any]:
         """Make a value that threads compute for this page."""
@@ -129,15 +135,7 @@ class Store:
             case ("public", name, *_):
                 recording = gj.datasets.load(name)
             case (_, rate, units, time, columns, delimiter, header, gaps, _, File(path, name)):
-                options = {
-                    "rate": rate,
-                    "units": _one_or_pairs(units) or None,
-                    "time": _columns(time) or None,
-                    "columns": _columns(columns) or None,
-                    "delimiter": delimiter or None,
-                    "header": header,
-                    "gaps": gaps,
-                }
+                options = reading_options(rate, units, time, columns, delimiter, header, gaps)
                 recording = read_upload(Path(path), name, options, self.limits)
         remarks = () if recording.understood is None else (str(recording.understood),)
         if (key[-2] if key[0] == "file" else key[-1]) == "mask":
@@ -197,6 +195,29 @@ class Same:
 
     def __hash__(self) -> int:
         return id(self.value)
+
+
+def reading_options(
+    rate: float | None, units: str, time: str, columns: str, delimiter: str, header: int | None, gaps: str
+) -> dict[str, Any]:
+    """Make the options of `gmwm_jax.read_recording` of the fields of the page; None where a field is empty.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.store import reading_options
+    >>> options = reading_options(100.0, "gyro=deg/s, accel=g", "", "2,3", "", None, "refuse")
+    >>> options["units"], options["columns"]
+    ({'gyro': 'deg/s', 'accel': 'g'}, [2, 3])
+    """
+    return {
+        "rate": rate,
+        "units": _one_or_pairs(units) or None,
+        "time": _columns(time) or None,
+        "columns": _columns(columns) or None,
+        "delimiter": delimiter or None,
+        "header": header,
+        "gaps": gaps,
+    }
 
 
 def _one_or_pairs(text: str) -> str | dict[str, str]:

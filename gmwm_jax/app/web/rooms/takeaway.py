@@ -1,0 +1,128 @@
+"""What is taken away: the Python file and the commands of the present inputs, and all results in one archive."""
+
+from collections.abc import AsyncIterator, Sequence
+from typing import Any
+
+from htmltools import Tag
+from shiny import Inputs, reactive, render, ui
+
+import gmwm_jax as gj
+from gmwm_jax.app.web import report, script
+from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.outputs import status, text
+from gmwm_jax.app.web.rooms.model import model_of
+from gmwm_jax.app.web.rooms.room import Room
+from gmwm_jax.app.web.state import State
+from gmwm_jax.app.web.store import Store, reading_options
+
+
+def analysis_of(state: State, channels: Sequence[str], file: str = "") -> script.Analysis:
+    """Tell what is done to all channels of a recording.
+
+    Parameters
+    ----------
+    state
+        Inputs of the page.
+    channels
+        Of the recording.
+    file
+        Name of the file that was sent, if that is the source.
+
+    Raises
+    ------
+    ValueError
+        No process is ticked.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.rooms.takeaway import analysis_of
+    >>> from gmwm_jax.app.web.state import State
+    >>> analysis = analysis_of(State(boxes="WN,RW", seed=3), ["gyro_x"])
+    >>> analysis.model, analysis.source.seed
+    ('WN + RW', 3)
+    """
+    match state.source:
+        case "published":
+            source: Any = script.Published(state.published)
+        case "simulated":
+            source = script.Simulated(state.sensor, state.samples, state.seed)
+        case "public":
+            source = script.Public(state.dataset)
+        case "file":
+            fields = (state.rate, state.units, state.time, state.columns, state.delimiter, state.header, state.gaps)
+            source = script.OwnFile(file, reading_options(*fields))
+    return script.Analysis(
+        source,
+        tuple(channels),
+        model_of(state),
+        masked=state.outliers == "mask" and state.source != "published",
+        efficiency=state.efficiency if state.estimator == "robust" else None,
+        weights=None if state.weights == "default" else state.weights,
+    )
+
+
+def _ui(state: State, limits: Limits) -> Tag:
+    return ui.div(
+        ui.h2("All results as files"),
+        ui.p(
+            "Tables (CSV), figures (SVG, PDF, PNG), fits (JSON), texts for other filters, the Python file below and a "
+            "report that is one HTML file, of all channels, in one archive."
+        ),
+        ui.output_ui("takeaway"),
+        ui.h2("The same in Python"),
+        ui.output_ui("program"),
+        ui.h2("The same in a shell"),
+        ui.output_ui("commands"),
+    )
+
+
+def _server(input: Inputs, store: Store) -> None:
+    @reactive.calc
+    def present() -> Outcome[script.Analysis]:
+        """What all files are of, once there is a fit."""
+        for outcome in (store.of_recording(), store.fit()):
+            if outcome.value is None:
+                return Outcome(error=outcome.error, busy=outcome.busy)
+        file, shown = store.file(), store.recording().value
+        assert shown is not None  # there is a fit of it
+        return Outcome(analysis_of(store.state(), shown.channels, "" if file is None else file.name))
+
+    @render.ui
+    def takeaway() -> Tag | None:
+        outcome = present()
+        if outcome.value is None:
+            return status(outcome)
+        return ui.download_button("archive", "Download the archive", class_="btn-outline-primary")
+
+    @render.download_button(filename="gmwm_jax.zip", media_type="application/zip")
+    async def archive() -> AsyncIterator[bytes]:
+        with reactive.isolate():
+            analysis, wv = present().value, store.variance().value
+        if analysis is None or wv is None:
+            return  # inputs have changed since; there is no button any more
+
+        def files() -> bytes:
+            found = gj.fit(wv, analysis.model, weights=analysis.weights, throw=False)
+            fits = [found] if isinstance(found, gj.Fit) else list(found.values())
+            return report.archive(report.downloads(fits, analysis=analysis))
+
+        yield await store.in_thread(files)
+
+    @render.ui
+    def program() -> Tag | None:
+        analysis = present().value
+        return None if analysis is None else text(script.python(analysis))
+
+    @render.ui
+    def commands() -> Tag | None:
+        analysis = present().value
+        if analysis is None:
+            return None
+        try:
+            return text(script.command(analysis))
+        except ValueError as error:  # what the command line does not know
+            return ui.p(str(error))
+
+
+ROOM = Room("takeaway", "Take away", _ui, _server)
