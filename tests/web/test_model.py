@@ -27,6 +27,7 @@ def test_boxes_are_fitted_and_nothing_stale_is_shown(open_page, wv):
     page.locator("#boxes input[value=RW]").check()
     before = drawn(page, "fitted", after=before)
     fit = gj.fit(wv, "WN + RW")
+    page.locator("#fit_status .gmwm-error", has_text=fit.misfit).wait_for()
     assert objective(page) == pytest.approx(fit.objective, rel=1e-6)
     shown = curves(page, "fitted")
     np.testing.assert_allclose(shown["wavelet variance"][1], wv.variance, rtol=1e-12)

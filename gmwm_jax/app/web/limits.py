@@ -41,6 +41,8 @@ class Limits:
     """Of a model."""
     gauss_markov: int = 5
     """Of them."""
+    job_seconds: float = 600.0
+    """For replicates or a ranking; what is done by then is kept."""
 
     def too_large(self) -> str:
         """Say that a file is too large."""

@@ -8,6 +8,7 @@ from shiny import ui
 from shiny.render.renderer import Jsonifiable, Renderer
 
 from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.tables import Table
 
 
 def output_figure(id: str) -> Tag:
@@ -41,3 +42,21 @@ def status(outcome: Outcome[Any]) -> Tag | None:
 def text(value: Any) -> Tag | None:
     """Show a result as it prints."""
     return None if value is None else ui.tags.pre(str(value), class_="gmwm-text", tabindex="0")
+
+
+def as_html(table: Table) -> Tag:
+    """Show a table; units stand in the heads of columns."""
+
+    def head(name: str, unit: str) -> Tag:
+        return ui.tags.th(f"{name} [{unit}]" if unit else name, scope="col")
+
+    def cell(value: Any) -> Tag:
+        return ui.tags.td(f"{value:.5g}" if isinstance(value, float) else str(value))
+
+    heads = ui.tags.tr(*(head(*pair) for pair in zip(table.columns, table.units, strict=True)))
+    rows = [ui.tags.tr(*map(cell, row)) for row in table.rows]
+    made = ui.tags.table(
+        ui.tags.caption(table.text, style="caption-side: top; white-space: pre-line"),
+        ui.tags.thead(heads), ui.tags.tbody(*rows), class_="table",
+    )  # fmt: skip
+    return ui.div(made, class_="gmwm-table", tabindex="0")

@@ -11,22 +11,24 @@ from shiny import App, Inputs, Outputs, Session, reactive, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import status
-from gmwm_jax.app.web.rooms import data, model, takeaway, units, variance
+from gmwm_jax.app.web.rooms import data, inference, model, takeaway, units, variance
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Store
 
-ROOMS: tuple[Room, ...] = (data.ROOM, variance.ROOM, model.ROOM, units.ROOM, takeaway.ROOM)
+ROOMS: tuple[Room, ...] = (data.ROOM, variance.ROOM, model.ROOM, inference.ROOM, units.ROOM, takeaway.ROOM)
 _WWW = Path(__file__).parent / "www"
 
 
-def application(pool: Executor, limits: Limits) -> App:
+def application(pool: Executor, queue: Executor, limits: Limits) -> App:
     """Make the application of the page.
 
     Parameters
     ----------
     pool
         Threads that compute for all pages.
+    queue
+        Those that do long work.
     limits
         Of the server.
     """
@@ -35,7 +37,7 @@ def application(pool: Executor, limits: Limits) -> App:
         return _page(State.from_query(request.query_params), limits)
 
     def serve(input: Inputs, output: Outputs, session: Session) -> None:
-        _serve(input, session, Store(input, session, pool, limits))
+        _serve(input, session, Store(input, session, pool, queue, limits))
 
     app = App(page, serve)
     app.sanitize_errors = True

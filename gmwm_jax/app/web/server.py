@@ -66,13 +66,14 @@ class Running:
         self.port = self._socket.getsockname()[1]
         self.url = f"http://{'127.0.0.1' if host in ('0.0.0.0', '::') else host}:{self.port}{root_path}/"
         self._pool = AbandonableExecutor(num_threads)
+        self._queue = AbandonableExecutor(1)  # long work leaves a core to those who click
         if prewarm:
             self._pool.submit(compile_usual_models)
         names = {*LOCAL, host.lower()}
         if host in ("0.0.0.0", "::"):
             names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
         config = uvicorn.Config(
-            Guard(application(self._pool, limits), names, limits),
+            Guard(application(self._pool, self._queue, limits), names, limits),
             log_level="warning",
             ws="websockets-sansio",
             ws_max_size=limits.message,
@@ -112,7 +113,8 @@ class Running:
 
     def _end(self) -> None:
         self._socket.close()
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        for pool in (self._pool, self._queue):
+            pool.shutdown(wait=False, cancel_futures=True)
         tempfile.tempdir = self._before
         shutil.rmtree(self._folder, ignore_errors=True)
 

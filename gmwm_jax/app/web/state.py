@@ -60,6 +60,11 @@ class State(BaseModel):
     weights: Literal["default", "two-step", "covariance"] = "default"
     residuals: bool = True
 
+    replicates: int = Field(500, ge=20, le=5000, title="Replicates")
+    route: Literal["variances", "records"] = "variances"
+    draw_seed: int = Field(0, ge=0, le=2**31 - 1, title="Seed of the draws")
+    superset: str = Field("QN + WN + RW + 2*GM", max_length=300, title="The largest model")
+
     target: str = Field("kalibr", max_length=20)
     value: float = Field(0.15, title="Value")
     unit_from: str = Field("deg/sqrt(h)", max_length=40, title="From")

@@ -14,6 +14,7 @@ from shiny.session import Session
 import gmwm_jax as gj
 from gmwm_jax.app.web.computed import Computed, Outcome
 from gmwm_jax.app.web.frames import themed
+from gmwm_jax.app.web.jobs import Jobs
 from gmwm_jax.app.web.library import published
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.state import State, checked
@@ -74,6 +75,8 @@ class Store:
         Of the framework.
     pool
         Threads of all pages.
+    queue
+        Those that do long work.
     limits
         Of the server.
     """
@@ -81,8 +84,9 @@ class Store:
     fit: Computed[Key, Any]
     """Of the channel that is looked at; the room of models makes it."""
 
-    def __init__(self, input: Inputs, session: Session, pool: Executor, limits: Limits):
+    def __init__(self, input: Inputs, session: Session, pool: Executor, queue: Executor, limits: Limits):
         self._input, self._session, self._pool, self.limits = input, session, pool, limits
+        self.jobs = Jobs(session, queue, limits.job_seconds, in_words_of_the_page)
         self.file: reactive.Value[File | None] = reactive.Value(None)
         self.state = reactive.calc(self._state)
         self.recording: Computed[Key, Shown] = self.computed(self._recording_key, self._record, "reading ..")

@@ -125,8 +125,10 @@ def _server(input: Inputs, store: Store) -> None:
         of, asked = key
         found: gj.Fit = of.value
         test = found.chi_square
-        return repr(found), _Fitted(
-            asked, found.wv.channels[0], found.objective, None if test is None else test.p_value
+        return (
+            repr(found),
+            _Fitted(asked, found.wv.channels[0], found.objective, None if test is None else test.p_value),
+            found.warnings,
         )
 
     printed = store.computed(printed_key, print_out, "computing the intervals ..")
@@ -186,7 +188,10 @@ def _server(input: Inputs, store: Store) -> None:
         fitted = fit().value
         if fitted is None:
             return None
-        return ui.p(f"{fitted.model}: objective {fitted.objective:.7g}, {fitted.status.value}", id="objective")
+        said = ui.p(f"{fitted.model}: objective {fitted.objective:.7g}, {fitted.status.value}", id="objective")
+        there = printed().value
+        warnings = there[2] if there is not None else ()  # with the intervals, a moment after the figure
+        return ui.div(said, *(ui.p(f"Warning: {text}.", class_="gmwm-error") for text in warnings))
 
     @render_figure
     def fitted() -> go.Figure | Outcome[Any]:

@@ -8,7 +8,7 @@ from shiny import Inputs, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web import formula, tables
 from gmwm_jax.app.web.limits import Limits
-from gmwm_jax.app.web.outputs import status, text
+from gmwm_jax.app.web.outputs import as_html, status, text
 from gmwm_jax.app.web.rooms.model import model_of
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.snippets import formats, snippet
@@ -94,24 +94,6 @@ def _server(input: Inputs, store: Store) -> None:
     def filter_file() -> Tag | None:
         found = shown().value
         return None if found is None else text(found[3].text or found[3].reason)
-
-
-def as_html(table: tables.Table) -> Tag:
-    """Show a table; units stand in the heads of columns."""
-
-    def head(name: str, unit: str) -> Tag:
-        return ui.tags.th(f"{name} [{unit}]" if unit else name, scope="col")
-
-    def cell(value: Any) -> Tag:
-        return ui.tags.td(f"{value:.5g}" if isinstance(value, float) else str(value))
-
-    heads = ui.tags.tr(*(head(*pair) for pair in zip(table.columns, table.units, strict=True)))
-    rows = [ui.tags.tr(*map(cell, row)) for row in table.rows]
-    made = ui.tags.table(
-        ui.tags.caption(table.text, style="caption-side: top; white-space: pre-line"),
-        ui.tags.thead(heads), ui.tags.tbody(*rows), class_="table",
-    )  # fmt: skip
-    return ui.div(made, class_="gmwm-table", tabindex="0")
 
 
 ROOM = Room("units", "Units & filters", _ui, _server)

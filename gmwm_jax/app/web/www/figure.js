@@ -51,6 +51,20 @@
     history.replaceState(null, "", location.pathname + (query ? "?" + query : ""));
   });
 
+  // long work: how far it has come
+  Shiny.addCustomMessageHandler("gmwm-job", function (message) {
+    const place = document.getElementById("job"), bar = document.getElementById("job_bar");
+    place.hidden = !message.job;
+    if (!message.job) return;
+    document.getElementById("job_text").textContent = message.job.text;
+    if (message.job.total && message.job.done) {
+      bar.max = message.job.total;
+      bar.value = message.job.done;
+    } else {
+      bar.removeAttribute("value"); // nobody knows
+    }
+  });
+
   const narrow = matchMedia("(max-width: 560px)");
   function tell() { Shiny.setInputValue("narrow", narrow.matches); }
   narrow.addEventListener("change", tell);

@@ -1,0 +1,175 @@
+"""How sure a fit is, by replicates, and which model the data support."""
+
+from typing import Any
+
+import jax
+import plotly.graph_objects as go
+from htmltools import Tag
+from shiny import Inputs, reactive, render, ui
+
+import gmwm_jax as gj
+from gmwm_jax.app.web import figures, tables
+from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.jobs import Tell
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.outputs import as_html, output_figure, render_figure, status
+from gmwm_jax.app.web.rooms.room import Room
+from gmwm_jax.app.web.state import State
+from gmwm_jax.app.web.store import Same, Store
+
+BUSY = "This page computes already: cancel that first."
+NOTHING = "The fit is not there yet: see the room Model & fit."
+
+
+def _ui(state: State, limits: Limits) -> Tag:
+    return ui.div(
+        ui.div(
+            ui.tags.span(id="job_text", role="status"),
+            ui.tags.progress(id="job_bar", aria_label="how far the work has come"),
+            ui.input_action_button("cancel", "Cancel", class_="btn-outline-primary"),
+            id="job", hidden="",
+        ),
+        ui.h2("Intervals by replicates of the fit"),
+        ui.output_ui("replicated_fit"),
+        ui.div(
+            ui.input_numeric("replicates", "Replicates", state.replicates, min=20, max=5000, update_on="blur"),
+            ui.input_select(
+                "route", "Drawn are", {"variances": "wavelet variances", "records": "records"}, selected=state.route
+            ),
+            ui.input_numeric("draw_seed", "Seed of the draws", state.draw_seed, min=0, update_on="blur"),
+            ui.input_action_button("replicate", "Replicate", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("replicates_status"),
+        output_figure("intervals"),
+        ui.output_ui("replicates_table"),
+        ui.h2("Which model the data support"),
+        ui.div(
+            ui.input_text("superset", "The largest model", state.superset, update_on="blur"),
+            ui.input_action_button("rank", "Rank its parts", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("ranked_status"),
+        output_figure("ranked"),
+        ui.output_ui("adoption"),
+        ui.output_ui("ranked_table"),
+    )  # fmt: skip
+
+
+def _server(input: Inputs, store: Store) -> None:
+    jobs = store.jobs
+
+    def replicates_key() -> Any:
+        found, state = store.fit().value, store.state()
+        return None if found is None else (Same(found), state.replicates, state.route, state.draw_seed)
+
+    def rank_key() -> Any:
+        wv, channel, state = store.variance().value, store.channel(), store.state()
+        return None if wv is None or channel is None else (Same(wv), channel, state.superset.strip())
+
+    def begin(name: str, key: Any, work: Any) -> None:
+        if key is None:
+            ui.notification_show(NOTHING, type="warning")
+        elif not jobs.start(name, key, work):
+            ui.notification_show(BUSY, type="warning")
+
+    @reactive.effect
+    @reactive.event(input.cancel)
+    def _cancel() -> None:
+        jobs.cancel()
+
+    @reactive.effect
+    @reactive.event(input.replicate)
+    def _replicate() -> None:
+        try:
+            key = replicates_key()
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+            return
+
+        def work(tell: Tell) -> gj.inference.Bootstrap:
+            of, num, route, seed = key
+            return gj.bootstrap(of.value, num, key=jax.random.key(seed), route=route, progress=tell)
+
+        begin("replicates", key, work)
+
+    @reactive.effect
+    @reactive.event(input.rank)
+    def _rank() -> None:
+        try:
+            key = rank_key()
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+            return
+
+        def work(tell: Tell) -> Any:
+            tell(0, None)
+            wv, channel, superset = key
+            store.limits.require_model(gj.parse_model(superset))
+            return gj.select(wv.value[channel] if len(wv.value.channels) > 1 else wv.value, superset)
+
+        begin("ranked", key, work)
+
+    def of_inputs(name: str, key: Any) -> Outcome[Any]:
+        """The result for the present inputs, or why there is none."""
+        for outcome in (store.of_recording(), *([store.fit()] if name == "replicates" else [])):
+            if outcome.value is None:
+                return Outcome(error=outcome.error, busy=outcome.busy)
+        return jobs.result(name, key())
+
+    @reactive.calc
+    def replicated() -> Outcome[Any]:
+        return of_inputs("replicates", replicates_key)
+
+    @reactive.calc
+    def ranking() -> Outcome[Any]:
+        return of_inputs("ranked", rank_key)
+
+    @render.ui
+    def replicated_fit() -> Tag | None:
+        fit = store.fit().value
+        return None if fit is None else ui.p(f"{fit.wv.channels[0]}: {fit.model}")
+
+    @render.ui
+    def replicates_status() -> Tag | None:
+        return status(replicated())
+
+    @render_figure
+    def intervals() -> go.Figure | Outcome[Any] | None:
+        found = replicated()
+        return found if found.value is None else store.themed(figures.intervals(found.value.fit, found.value))
+
+    @render.ui
+    def replicates_table() -> Tag | None:
+        found = replicated().value
+        return None if found is None else as_html(tables.bootstrap(found))
+
+    @render.ui
+    def ranked_status() -> Tag | None:
+        return status(ranking())
+
+    @render_figure
+    def ranked() -> go.Figure | Outcome[Any] | None:
+        found = ranking()
+        return found if found.value is None else store.themed(figures.selection(found.value))
+
+    @render.ui
+    def adoption() -> Tag | None:
+        found = ranking().value
+        if found is None:
+            return None
+        name = found.recommended.name
+        button = ui.tags.button(name, type="button", class_="btn btn-outline-primary", data_take=name)
+        misfit = found.recommended.fit.misfit  # the best of models that all miss the data is no good model
+        return ui.div(
+            ui.p(f"Warning: {misfit}.", class_="gmwm-error") if misfit else None,
+            ui.p("Take the recommended model into the room Model & fit: ", button),
+        )
+
+    @render.ui
+    def ranked_table() -> Tag | None:
+        found = ranking().value
+        return None if found is None else as_html(tables.selection(found))
+
+
+ROOM = Room("inference", "Inference & selection", _ui, _server)
