@@ -11,12 +11,12 @@ from shiny import App, Inputs, Outputs, Session, reactive, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import status
-from gmwm_jax.app.web.rooms import data, inference, model, takeaway, units, variance
+from gmwm_jax.app.web.rooms import data, inference, model, takeaway, tutorial, units, variance
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Store
 
-ROOMS: tuple[Room, ...] = (data.ROOM, variance.ROOM, model.ROOM, inference.ROOM, units.ROOM, takeaway.ROOM)
+ROOMS: tuple[Room, ...] = tuple(room.ROOM for room in (data, variance, model, inference, units, takeaway, tutorial))
 _WWW = Path(__file__).parent / "www"
 
 
