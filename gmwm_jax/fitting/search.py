@@ -42,7 +42,7 @@ class Solution(NamedTuple):
     slope: Float[Array, ""]
     """Largest |dQ/du| over the coordinates: what moving a correlation time by a factor e would still gain."""
     num_agreeing: Int[Array, ""]
-    """How many descents ended within 1e-6 relative of the minimum."""
+    """How many descents ended within 1e-6 relative of the lowest end."""
 
 
 def smallest_slope(objective: Any) -> Any:
@@ -118,8 +118,10 @@ def minimise(layout: Layout, lattice: Float[Array, "S C"], nodes: Float[Array, "
         at = lax.cond(last, lambda: again, lambda: starts(best, turn))
         ends = _ends(layout, at, data, jnp.where(last, _MAX_STEPS, _STEPS))
         lowest = jnp.minimum(best.objective, jnp.min(ends.objective))
-        num_here = jnp.where(last, 0, jnp.sum(ends.objective <= lowest * (1 + 1e-6)))
-        num_agreeing = num_here + jnp.where(best.objective <= lowest * (1 + 1e-6), best.num_agreeing, 0)
+        num_here = jnp.sum(ends.objective <= lowest * (1 + 1e-6))
+        num_before = jnp.where(best.objective <= lowest * (1 + 1e-6), best.num_agreeing, 0)
+        # the last round goes on from where those descents had stopped that agreed
+        num_agreeing = jnp.where(last, best.num_agreeing, num_here + num_before)
         end = _lowest(ends)
         better = _score(end) < _score(best)
         best = jax.tree.map(lambda new, old: jnp.where(better, new, old), end, best)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
+from gmwm_jax.app.web.library import published
 from gmwm_jax.fitting.result import Status
 
 TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.01, variance=0.1)")
@@ -132,3 +133,10 @@ def test_the_mtig_model_at_a_million_samples(judge):
         [[e.ci_low <= t <= e.ci_high for e, t in zip(f.parameters(), expected, strict=True)] for f in fits], axis=0
     )
     judge("coverage of 95 % intervals, RW + 2 GM", covered, 0.90 - 0.044, 1, num_draws=100)
+
+
+def test_some_descent_came_to_the_minimum():
+    """However far the search goes on from where descents stop: of this key none was counted."""
+    wv = published("mti-g")["accel_x"]
+    fit = gj.fit(wv, "WN + RW + 4*GM", throw=False, key=jax.random.key(6))
+    assert fit.agreement >= 1 / 16
