@@ -67,3 +67,24 @@ def test_where_there_is_no_fit_there_is_nothing_to_take(open_page):
     page.locator("#takeaway .gmwm-error", has_text="nonsense").wait_for()
     assert page.locator("#archive").count() == 0
     assert page.locator("#program pre").count() == 0
+
+
+def luminance(colour):
+    """Relative luminance of ``rgb(r, g, b)`` (WCAG 2.2)."""
+    parts = [int(v) / 255 for v in re.findall(r"\d+", colour)[:3]]
+    linear = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_buttons_links_and_texts_are_seen(open_page, scheme):
+    """A contrast of 4.5 at least with the page behind them."""
+    page = open_page(INPUTS, scheme=scheme)
+    page.locator("#archive").wait_for()
+    page.locator("#step_1 + p a").first.wait_for(state="attached")
+    colour = "selector => getComputedStyle(document.querySelector(selector)).color"
+    behind = luminance(page.evaluate("() => getComputedStyle(document.body).backgroundColor"))
+    for selector in ("#archive", "#replicate", "#step_1 + p a", "h2", "#program pre"):
+        seen = luminance(page.evaluate(colour, selector))
+        ratio = (max(seen, behind) + 0.05) / (min(seen, behind) + 0.05)
+        assert ratio >= 4.5, (selector, round(ratio, 2))
