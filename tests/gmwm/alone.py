@@ -31,7 +31,7 @@ def alone(cls, law, *, stationary=True, ringing=0.0):
     return type(body["kind"].title(), (OwnProcess,), body)
 
 
-def difference_of_covariances(own, process, num_samples=2**11):
+def difference_of_covariances(own, process, num_samples=2**14):
     """Of the wavelet variance, in standard deviations of both."""
     V, W = (np.asarray(gj.variance.wv_covariance(p, num_samples)) for p in (own, process))
     sd = np.sqrt(np.diag(W))

@@ -325,7 +325,7 @@ def test_a_search_that_did_not_converge_is_told(npz, wv, monkeypatch):
 
 def test_a_public_file_needs_no_option(shared, tmp_path):
     file = shared / "data" / "adis_16405_imu1.rda"
-    stdout = call("fit", file, "--channels", "all", "--model", "WN + RW", "--json", tmp_path / "a.json").stdout
+    stdout = call("fit", file, "--channels", "all", "--model", "WN + 2*GM + RW", "--json", tmp_path / "a.json").stdout
     assert stdout.count("1000000 samples at 100 Hz") == 6
     written = json.loads((tmp_path / "a.json").read_text())
     assert [(one["channel"], one["unit"], one["rate"]) for one in written] == [

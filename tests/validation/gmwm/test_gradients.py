@@ -119,9 +119,8 @@ def test_derivatives_are_those_of_refits(name):
     assert bool(found.converged)
     assert not np.any(found.at_zero)
     J = np.asarray(with_jacobian(name)(jnp.asarray(wv.variance))[0]) * wv.variance
-    seen = range(0, wv.num_scales, 3)  # 30 refits each
-    slopes = [difference(lambda nu: estimates(name, nu), wv.variance, k) for k in seen]
-    worst = np.max(np.abs(J[:, seen] - np.stack(slopes, axis=1)) / np.abs(J).max(axis=1, keepdims=True))
+    slopes = [difference(lambda nu: estimates(name, nu), wv.variance, k) for k in range(wv.num_scales)]
+    worst = np.max(np.abs(J - np.stack(slopes, axis=1)) / np.abs(J).max(axis=1, keepdims=True))
     assert worst < LESS_KNOWN.get(name, 1e-6)
 
 
