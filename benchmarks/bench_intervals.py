@@ -2,7 +2,7 @@
 
 Records are simulated, fitted with two-step weights, and replicated 300 times each by their wavelet variances. *theory*
 are the intervals of the fit, the others those of the bootstrap; a parameter of a component estimated as zero or at a
-limit has none (*without*). The binomial standard error of a coverage is 1.0 %. *size* is the share of right models
+limit may have none (*without*), and a fit beside a boundary has percentiles only. The binomial standard error of a coverage is 1.0 %. *size* is the share of right models
 rejected at 5 %, by theory and by replicates; *power* the share of a model rejected that lacks a component.
 """
 
@@ -83,6 +83,14 @@ def fit_all(wvs: list[gj.variance.WaveletVariance], model: str) -> list[gj.Fit]:
     return fits
 
 
+def ends_of(boot: gj.inference.Bootstrap, kind: str) -> np.ndarray:
+    """Both ends for all parameters; NaN where the kind has none, as beside a boundary all but percentiles."""
+    try:
+        return np.array(boot.interval(kind))
+    except ValueError:
+        return np.full((2, boot.fit.model.num_parameters), np.nan)
+
+
 def study(
     fits: list[gj.Fit], truth: gj.Composite, outside: dict[str, list[str]]
 ) -> tuple[list[list[str]], float, float]:
@@ -94,7 +102,7 @@ def study(
     for i, f in enumerate(fits):
         boot = gj.bootstrap(f, REPLICATES, key=jax.random.fold_in(KEY, 1_000_000 + i))
         theory = [(e.ci_low, e.ci_high) for e in f.parameters()]
-        ends = {"theory": np.array(theory).T, **{kind: np.array(boot.interval(kind)) for kind in KINDS}}
+        ends = {"theory": np.array(theory).T, **{kind: ends_of(boot, kind) for kind in KINDS}}
         for kind, (low, high) in ends.items():
             known = np.isfinite(ends["theory"][0]) & np.isfinite(low)
             held[kind].append(np.where(known, (low <= true) & (true <= high), np.nan))
