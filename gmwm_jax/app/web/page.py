@@ -1,5 +1,6 @@
 """The page: rooms in a row, what is looked at beside them, the link that holds the inputs."""
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,13 @@ import gmwm_jax as gj
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import status
 from gmwm_jax.app.web.rooms import data, inference, model, takeaway, tutorial, units, variance
+from gmwm_jax.app.web.rooms.joined import Joined, joined
 from gmwm_jax.app.web.rooms.room import Room
-from gmwm_jax.app.web.state import State
+from gmwm_jax.app.web.state import State, joined_state
 from gmwm_jax.app.web.store import Store
 
-ROOMS: tuple[Room, ...] = tuple(room.ROOM for room in (data, variance, model, inference, units, takeaway, tutorial))
+ROOMS: tuple[Room, ...] = tuple(room.ROOM for room in (data, variance, model, inference, units))
+"""In the order of work; after them those of other packages, and what is of all: Take away and Tutorial."""
 _WWW = Path(__file__).parent / "www"
 
 
@@ -32,31 +35,40 @@ def application(pool: Executor, queue: Executor, limits: Limits) -> App:
     limits
         Of the server.
     """
+    others = joined({*(room.id for room in ROOMS), takeaway.ROOM.id, tutorial.ID})
+    rooms = rooms_with(others)
+    states = joined_state(room.state for room in rooms)
 
     def page(request: Any) -> Tag:
-        return _page(State.from_query(request.query_params), limits)
+        return _page(rooms, others.failures, states.from_query(request.query_params), limits)
 
     def serve(input: Inputs, output: Outputs, session: Session) -> None:
-        _serve(input, session, Store(input, session, pool, queue, limits))
+        _serve(rooms, input, session, Store(input, session, pool, queue, limits, states))
 
     app = App(page, serve)
     app.sanitize_errors = True
     return app
 
 
-def _page(state: State, limits: Limits) -> Tag:
+def rooms_with(others: Joined) -> tuple[Room, ...]:
+    """List the rooms of the page, those of other packages among them."""
+    return (*ROOMS, *others.rooms, takeaway.ROOM, tutorial.room([s for room in others.rooms for s in room.steps]))
+
+
+def _page(rooms: Sequence[Room], failures: Sequence[str], state: State, limits: Limits) -> Tag:
     package = Path(plotly.__file__).parent / "package_data"
     sidebar = ui.sidebar(
         ui.output_ui("about"),
         ui.input_select("channel", "Channel", {state.channel: state.channel or "first"}, selected=state.channel),
         ui.output_ui("working"),
+        *(ui.p(failure, class_="gmwm-error") for failure in failures),
         title="What is looked at",
         width="15rem",
         open={"desktop": "open", "mobile": "closed"},
     )
-    selected = state.room if state.room in {room.id for room in ROOMS} else ROOMS[0].id
+    selected = state.room if state.room in {room.id for room in rooms} else rooms[0].id
     return ui.page_navbar(
-        *(ui.nav_panel(room.title, room.ui(state, limits), value=room.id) for room in ROOMS),
+        *(ui.nav_panel(room.title, room.ui(state, limits), value=room.id) for room in rooms),
         ui.nav_spacer(),
         ui.nav_control(ui.input_dark_mode(id="theme", aria_label="dark or light page")),
         id="room",
@@ -74,13 +86,24 @@ def _page(state: State, limits: Limits) -> Tag:
                 "gmwm", gj.__version__, source={"subdir": str(_WWW)}, script={"src": "figure.js"},
                 stylesheet={"href": "app.css"}, all_files=False,
             ),
+            ui.div(
+                ui.tags.span(id="job_text", role="status"),
+                ui.tags.progress(id="job_bar", aria_label="how far the work has come"),
+                ui.input_action_button("cancel", "Cancel", class_="btn-outline-primary"),
+                id="job", hidden="",
+            ),
         ],
     )  # fmt: skip
 
 
-def _serve(input: Inputs, session: Session, store: Store) -> None:
-    for room in ROOMS:
+def _serve(rooms: Sequence[Room], input: Inputs, session: Session, store: Store) -> None:
+    for room in rooms:
         room.server(input, store)
+
+    @reactive.effect
+    @reactive.event(input.cancel)
+    def _cancel() -> None:
+        store.jobs.cancel()
 
     @reactive.effect
     def _channels() -> None:

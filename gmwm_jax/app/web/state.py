@@ -1,13 +1,16 @@
 """All inputs of the page but files, as one checked object: what a link holds."""
 
-from typing import Any, Literal
+from collections.abc import Iterable
+from typing import Any, Literal, TypeVar
 from urllib.parse import urlencode
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 Source = Literal["published", "simulated", "public", "file"]
 MAX_QUERY = 2000
 """Characters of a link."""
+
+S = TypeVar("S", bound="State")
 
 
 class State(BaseModel):
@@ -77,7 +80,7 @@ class State(BaseModel):
         return query if len(query) <= MAX_QUERY else ""
 
     @classmethod
-    def from_query(cls, query: Any) -> "State":
+    def from_query(cls: type[S], query: Any) -> S:
         """Read a query: what is unknown or out of range is left out."""
         given: dict[str, Any] = {key: value for key, value in query.items() if key in cls.model_fields}
         while True:
@@ -87,20 +90,35 @@ class State(BaseModel):
                 for found in error.errors():
                     given.pop(str(found["loc"][0]), None)
 
+    @classmethod
+    def checked(cls: type[S], given: dict[str, Any]) -> S:
+        """Make a state of what the page says.
 
-def checked(given: dict[str, Any]) -> State:
-    """Make a state of what the page says.
+        Raises
+        ------
+        ValueError
+            The first input that is out of range, by its label.
+        """
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            first = error.errors()[0]
+            name = str(first["loc"][0])
+            label = cls.model_fields[name].title or name if name in cls.model_fields else name
+            reason = str(first["msg"]).replace("Input should be", "must be")
+            raise ValueError(f"{label}: {reason}; it is {first.get('input')!r:.40}.") from None
 
-    Raises
-    ------
-    ValueError
-        The first input that is out of range, by its label.
+
+def joined_state(states: Iterable[type[State]]) -> type[State]:
+    """Make the state that has the inputs of all rooms.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.state import State, joined_state
+    >>> class Tides(State):
+    ...     tides_height: float = 2.0
+    >>> joined_state([State, Tides]).from_query({"tides_height": "3", "seed": "1"}).to_query()
+    'seed=1&tides_height=3.0'
     """
-    try:
-        return State(**given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = str(first["loc"][0])
-        label = State.model_fields[name].title or name if name in State.model_fields else name
-        reason = str(first["msg"]).replace("Input should be", "must be")
-        raise ValueError(f"{label}: {reason}; it is {first.get('input')!r:.40}.") from None
+    more = tuple(dict.fromkeys(state for state in states if state is not State))
+    return create_model("JoinedState", __base__=more) if more else State

@@ -1,7 +1,7 @@
 """What a page knows: its inputs, the recording, wavelet variances; each belongs to the inputs that it is of."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -17,7 +17,7 @@ from gmwm_jax.app.web.frames import themed
 from gmwm_jax.app.web.jobs import Jobs
 from gmwm_jax.app.web.library import published
 from gmwm_jax.app.web.limits import Limits
-from gmwm_jax.app.web.state import State, checked
+from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.uploads import read_upload
 from gmwm_jax.app.web.words import in_words_of_the_page
 from gmwm_jax.variance.wavelet import WaveletVariances
@@ -54,6 +54,17 @@ class Shown(NamedTuple):
         return "" if wv is None else f"{wv.name}: {wv.num_samples} samples at {wv.rate:g} Hz, of which none are here"
 
 
+class Part(NamedTuple):
+    """What a room adds to all that is taken away."""
+
+    files: Callable[[], Mapping[str, bytes]]
+    """Name -> content; made in a thread."""
+    program: str = ""
+    """In Python, that gives the same numbers; "" where there is none."""
+    commands: str = ""
+    """Of the shell."""
+
+
 _OF_SOURCE: dict[str, tuple[str, ...]] = {
     "published": ("source", "published"),
     "simulated": ("source", "sensor", "samples", "seed"),
@@ -79,13 +90,26 @@ class Store:
         Those that do long work.
     limits
         Of the server.
+    states
+        The class of the inputs of all rooms.
     """
 
     fit: Computed[Key, Any]
     """Of the channel that is looked at; the room of models makes it."""
+    parts: dict[str, Callable[[], Part | None]]
+    """Of rooms, by their ids: what each adds to Take away, reactive; None while there is nothing."""
 
-    def __init__(self, input: Inputs, session: Session, pool: Executor, queue: Executor, limits: Limits):
-        self._input, self._session, self._pool, self.limits = input, session, pool, limits
+    def __init__(
+        self,
+        input: Inputs,
+        session: Session,
+        pool: Executor,
+        queue: Executor,
+        limits: Limits,
+        states: type[State] = State,
+    ):
+        self._input, self._session, self._pool, self.limits, self._states = input, session, pool, limits, states
+        self.parts: dict[str, Callable[[], Part | None]] = {}
         self.jobs = Jobs(session, queue, limits.job_seconds, in_words_of_the_page)
         self.file: reactive.Value[File | None] = reactive.Value(None)
         self.state = reactive.calc(self._state)
@@ -112,10 +136,11 @@ class Store:
         return "narrow" in self._input and bool(self._input.narrow())
 
     def _state(self) -> State:
-        given = {name: self._input[name]() for name in State.model_fields if name in self._input}
-        if "boxes" in given:
-            given["boxes"] = ",".join(given["boxes"])
-        return checked(given)
+        given = {name: self._input[name]() for name in self._states.model_fields if name in self._input}
+        for name, value in given.items():
+            if isinstance(value, list | tuple):  # boxes
+                given[name] = ",".join(value)
+        return self._states.checked(given)
 
     def _recording_key(self) -> Key | None:
         state = self.state()

@@ -23,12 +23,6 @@ NOTHING = "The fit is not there yet: see the room Model & fit."
 
 def _ui(state: State, limits: Limits) -> Tag:
     return ui.div(
-        ui.div(
-            ui.tags.span(id="job_text", role="status"),
-            ui.tags.progress(id="job_bar", aria_label="how far the work has come"),
-            ui.input_action_button("cancel", "Cancel", class_="btn-outline-primary"),
-            id="job", hidden="",
-        ),
         ui.h2("Intervals by replicates of the fit"),
         ui.output_ui("replicated_fit"),
         ui.div(
@@ -72,11 +66,6 @@ def _server(input: Inputs, store: Store) -> None:
             ui.notification_show(NOTHING, type="warning")
         elif not jobs.start(name, key, work):
             ui.notification_show(BUSY, type="warning")
-
-    @reactive.effect
-    @reactive.event(input.cancel)
-    def _cancel() -> None:
-        jobs.cancel()
 
     @reactive.effect
     @reactive.event(input.replicate)

@@ -14,7 +14,7 @@ from gmwm_jax.app.web.outputs import status, text
 from gmwm_jax.app.web.rooms.model import model_of
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State
-from gmwm_jax.app.web.store import Store, reading_options
+from gmwm_jax.app.web.store import Part, Store, reading_options
 
 
 def analysis_of(state: State, channels: Sequence[str], file: str = "") -> script.Analysis:
@@ -88,6 +88,12 @@ def _server(input: Inputs, store: Store) -> None:
         assert shown is not None  # there is a fit of it
         return Outcome(analysis_of(store.state(), shown.channels, "" if file is None else file.name))
 
+    @reactive.calc
+    def present_parts() -> dict[str, Part]:
+        """What other rooms add."""
+        made = {room: make() for room, make in store.parts.items()}
+        return {room: part for room, part in made.items() if part is not None}
+
     @render.ui
     def takeaway() -> Tag | None:
         outcome = present()
@@ -98,31 +104,39 @@ def _server(input: Inputs, store: Store) -> None:
     @render.download_button(filename="gmwm_jax.zip", media_type="application/zip")
     async def archive() -> AsyncIterator[bytes]:
         with reactive.isolate():
-            analysis, wv = present().value, store.variance().value
+            analysis, wv, parts = present().value, store.variance().value, present_parts()
         if analysis is None or wv is None:
             return  # inputs have changed since; there is no button any more
 
         def files() -> bytes:
             found = gj.fit(wv, analysis.model, weights=analysis.weights, throw=False)
             fits = [found] if isinstance(found, gj.Fit) else list(found.values())
-            return report.archive(report.downloads(fits, analysis=analysis))
+            files = report.downloads(fits, analysis=analysis)
+            for room, part in parts.items():
+                files |= {f"{room}/{name}": content for name, content in part.files().items()}
+            return report.archive(files)
 
         yield await store.in_thread(files)
 
     @render.ui
     def program() -> Tag | None:
         analysis = present().value
-        return None if analysis is None else text(script.python(analysis))
+        if analysis is None:
+            return None
+        more = [part.program for part in present_parts().values() if part.program]
+        return ui.div(*map(text, [script.python(analysis), *more]))
 
     @render.ui
     def commands() -> Tag | None:
         analysis = present().value
         if analysis is None:
             return None
+        more = [part.commands for part in present_parts().values() if part.commands]
         try:
-            return text(script.command(analysis))
+            first = text(script.command(analysis))
         except ValueError as error:  # what the command line does not know
-            return ui.p(str(error))
+            first = ui.p(str(error))
+        return ui.div(first, *map(text, more))
 
 
 ROOM = Room("takeaway", "Take away", _ui, _server)
