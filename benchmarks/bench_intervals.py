@@ -3,8 +3,8 @@
 Records are simulated, fitted with two-step weights, and replicated 300 times each by their wavelet variances. *theory*
 are the intervals of the fit, the others those of the bootstrap; a parameter of a component estimated as zero or at a
 limit may have none (*without*), and a fit beside a boundary has percentiles only. The binomial standard error of a
-coverage is 1.0 %. *size* is the share of right models rejected at 5 %, by theory and by replicates; *power* the share of
-a model rejected that lacks a component.
+coverage is 1.0 %. *size* is the share of right models rejected at 5 %, by theory and by replicates; *power* the share
+of a model rejected that lacks a component.
 """
 
 import time
