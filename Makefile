@@ -18,7 +18,8 @@ demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filter
 app: $(VENV)/.installed  ## the page in the browser, on this machine alone
 	$(BIN)/python -m gmwm_jax app
 
-# all rooms, or one
+# all rooms, or one; what takes two seconds or more is run by `make validate`, or here where SLOW is 1
+QUICK := $(if $(SLOW),,-m "not slow")
 TESTS := $(if $(ROOM),$(wildcard tests/*/$(ROOM)))
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(if $(TYPED),$(CHECKED))
 
@@ -28,9 +29,9 @@ PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadsc
 CHECKED := --jaxtyping-packages=gmwm_jax,nav_jax,beartype.beartype
 test-old-cpu: TYPED := 1
 
-test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only, TYPED=1
+test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name for the rooms of that name only, SLOW=1, TYPED=1
 	$(if $(ROOM),$(if $(TESTS),,$(error There is no room $(ROOM); see tests/gmwm and tests/nav)))
-	$(PYTEST) $(TESTS)
+	$(PYTEST) $(QUICK) $(TESTS)
 
 # In one process: the server, the browser and the tests share two cores, and compiled functions.
 test-web: $(VENV)/.installed  ## the page, in a real browser (chromium)
@@ -41,7 +42,8 @@ RECORD ?= benchmarks/results/validation.json
 
 NOTEBOOKS := tests/validation/test_notebooks.py
 
-validate: $(VENV)/.installed  ## statistics against their bands, README and notebooks
+validate: $(VENV)/.installed  ## slow tests of the rooms, statistics against their bands, README and notebooks
+	$(PYTEST) -m slow tests/gmwm tests/nav
 	$(PYTEST) $(CHECKED) $(filter-out $(NOTEBOOKS),$(wildcard tests/validation/test_*.py))
 	$(PYTEST) $(NOTEBOOKS) tests/validation/gmwm tests/validation/nav --record $(RECORD)
 

@@ -96,5 +96,6 @@ def test_what_is_documented_as_pure_is(name):
     assert_pure(function, x)
 
 
+@pytest.mark.slow
 def test_the_estimator_that_searches_is_pure():
     assert_pure(searched, (1.02,))

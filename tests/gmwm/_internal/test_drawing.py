@@ -109,6 +109,7 @@ def test_the_doors_have_no_other_names():
             package.ploting  # noqa: B018
 
 
+@pytest.mark.slow
 def test_figures_from_several_threads_are_those_of_one():
     """Ticks on logarithmic axes are formulas, and Matplotlib has one parser of them."""
     results = [variances(seed) for seed in range(12)]
@@ -147,6 +148,7 @@ def test_a_notebook_shows_a_figure():
     assert "_repr_png_" in dir(figure)
 
 
+@pytest.mark.slow
 def test_pyplot_is_not_imported(tmp_path):
     """In a fresh process that draws, saves, and asks for the figure as a notebook does."""
     program = """

@@ -77,6 +77,7 @@ def interrupted(script, times=1):
     return process.returncode, output, time.monotonic() - start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("script", "said"), [(IN_MAIN, "Interrupted"), (IN_THREAD, "results so far")])
 def test_a_program_that_runs_is_left(script, said):
     code, output, seconds = interrupted(script)
@@ -85,6 +86,7 @@ def test_a_program_that_runs_is_left(script, said):
     assert seconds < MOST
 
 
+@pytest.mark.slow
 def test_what_hears_is_not_ended():
     code, output, _ = interrupted(HEARD, times=2)
     assert code == 0

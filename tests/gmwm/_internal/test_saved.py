@@ -478,6 +478,7 @@ def test_estimators_and_weights_are_those_that_they_were(results, tmp_path):
     assert read_state(tmp_path / "a.json").kind == "gmwm_jax.Fit"
 
 
+@pytest.mark.slow
 def test_a_fresh_process_knows_what_it_reads(tmp_path, fit):
     """Nobody has asked for the class of what is in the file by then."""
     path = fit.save(tmp_path / "fit.json")

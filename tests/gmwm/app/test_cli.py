@@ -235,6 +235,7 @@ def test_fit_of_one_channel(npz):
     assert [one["channel"] for one in content] == ["accel_x"]
 
 
+@pytest.mark.slow
 def test_fit_with_replicates_and_without_outliers(npz, tmp_path):
     arguments = ("fit", npz, "--channels", "accel_x", "--model", MODEL, "--weights", "two-step", "--robust")
     done = call(*arguments, "--bootstrap", "250", "--seed", "3", "--json", "-", "--plot", tmp_path / "f.png")
@@ -323,6 +324,7 @@ def test_a_search_that_did_not_converge_is_told(npz, wv, monkeypatch):
     assert "Warning: gyro_x: stopped at the step limit" in call("fit", npz, "--model", MODEL).stderr
 
 
+@pytest.mark.slow
 def test_a_public_file_needs_no_option(shared, tmp_path):
     file = shared / "data" / "adis_16405_imu1.rda"
     stdout = call("fit", file, "--channels", "all", "--model", "WN + 2*GM + RW", "--json", tmp_path / "a.json").stdout
@@ -504,6 +506,7 @@ def test_bad_use_shows_how_to_use_it(npz, arguments):
 # python -m gmwm_jax
 
 
+@pytest.mark.slow
 def test_the_command_turns_64_bits_on_itself():
     """In a process of its own, where no test has done so."""
     code = "import sys; sys.argv[1:] = ['units', '--model', 'WN(sigma2=1e-4)', '--rate', '100']; "

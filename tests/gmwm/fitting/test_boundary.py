@@ -23,6 +23,7 @@ def white():
     return fit_of("WN(sigma2=1)", "WN + QN", relative=-0.004 * (np.arange(13) == 0), weights="two-step")
 
 
+@pytest.mark.slow
 def test_a_component_at_zero_in_closed_form(white):
     """Two columns: the upper limit is z standard deviations of the signed estimate, under the limit itself.
 
@@ -91,6 +92,7 @@ def test_a_faint_amplitude_in_closed_form():
     assert e.ci_high == pytest.approx(max(ends[1], gamma2 * np.exp(min(Z * s, 1))), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_random_walk_may_have_a_long_correlation_time():
     """The places that data leave a Gauss-Markov process: up to the one whose fit they would reject."""
     fit = fit_of("WN(sigma2=1) + RW(gamma2=1e-4)", "WN + GM", weights="two-step")
@@ -129,6 +131,7 @@ def test_replicates_reach_as_far_as_theory(white):
             boot.parameters(kind)
 
 
+@pytest.mark.slow
 def test_a_component_at_zero_with_shapes_to_choose():
     """A Gauss-Markov process too many: an upper limit for its variance, none for its correlation time."""
     truth = "WN(sigma2=1.0) + GM(beta=0.01, variance=0.1)"

@@ -48,6 +48,7 @@ def test_what_is_right_is_never_doubted(variances, model):
     assert [fits[c].contradictions for c in fits] == [()] * 100
 
 
+@pytest.mark.slow
 def test_what_nobody_sees_is_not_doubted(variances):
     """A component far below the others, and one for which another stands in."""
     for model in ("WN + GM + RW(gamma2=1e-20 fixed)", "WN + GM + QN(q2=1e-12 fixed)", "WN + GM"):

@@ -79,6 +79,7 @@ def test_a_search_has_no_derivatives_and_says_so(searches, name):
             differentiated()
 
 
+@pytest.mark.slow
 def test_a_search_is_still_jitted_and_vmapped(searches):
     y, both = searches
     objectives = [float(jax.jit(jax.vmap(search))(y[None])[0]) for search in both.values()]

@@ -73,6 +73,7 @@ def test_it_is_the_fit_at_boundaries_too(truth, model):
     np.testing.assert_array_equal(found.at_zero, [float(p.amplitude) == 0 for p in fit.model.processes])
 
 
+@pytest.mark.slow
 def test_vmap_is_the_loop(wv, batch, estimates):
     """Over arrays, and over a wavelet variance whose arrays have a leading axis."""
     loop = np.stack([estimates(nu) for nu in batch])
@@ -99,6 +100,7 @@ def central(function, x, k, step=1e-4):
     return (np.asarray(function(x + d)) - np.asarray(function(x - d))) / (2 * step)
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_refits(wv, estimates, by_variance):
     """To 1e-6 of the largest: a scale that hardly counts moves the estimates by less than their rounding."""
     J = np.asarray(by_variance(wv.variance)) * wv.variance
@@ -107,11 +109,13 @@ def test_derivatives_are_those_of_refits(wv, estimates, by_variance):
         np.testing.assert_array_less(np.abs(J[:, k] - slope), 1e-6 * np.abs(J).max(axis=1))
 
 
+@pytest.mark.slow
 def test_forward_and_reverse_agree(wv, by_variance):
     reverse = jax.jit(jax.jacrev(of_variance(wv, "WN + GM")))(jnp.asarray(wv.variance))
     np.testing.assert_allclose(reverse, by_variance(wv.variance), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_derivatives_are_the_first_order_expansion_of_the_fit(wv, by_variance):
     """The influence of the wavelet variance that standard errors are made from, but for the curvature beside residuals.
 
@@ -125,6 +129,7 @@ def test_derivatives_are_the_first_order_expansion_of_the_fit(wv, by_variance):
     np.testing.assert_allclose(J / vector(gj.fitting.estimate(exact, "WN + GM"))[:, None], B, rtol=1e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_by_weights_and_by_held_values(wv):
     omega = np.diag(np.asarray(gj.fitting.weights.Default().omega(wv)))
 
@@ -145,6 +150,7 @@ def test_derivatives_by_weights_and_by_held_values(wv):
     np.testing.assert_allclose(J, slope, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_component_at_zero_stays_there(wv):
     """The derivative is that of the model without it."""
     nu = jnp.asarray(wv.variance)
@@ -155,6 +161,7 @@ def test_a_component_at_zero_stays_there(wv):
     np.testing.assert_array_equal(whole[3], 0.0)
 
 
+@pytest.mark.slow
 def test_a_scale_of_weight_zero_is_left_out(wv):
     weights = np.diag(np.asarray(gj.fitting.weights.Default().omega(wv))).copy()
     weights[[2, 7]] = 0.0
@@ -170,6 +177,7 @@ def test_a_scale_of_weight_zero_is_left_out(wv):
                                [v for p in fit.model.processes for v in p.values], rtol=1e-8)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_objective_is_traced_in_all_it_takes(wv):
     """Envelope: at the minimum its derivative by the data is the partial one, -2 Omega r."""
     fit = gj.fit(wv, "WN + GM")

@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 MOST = 8
 """The search, the covariance of the wavelet variance, that of the parameters, the tables; the others are single
 operations of the library that descends."""
@@ -34,6 +36,7 @@ print("scipy.optimize" in __import__("sys").modules, len(compiled))
 """
 
 
+@pytest.mark.slow
 def test_a_fit_and_its_tables_compile_few_programs():
     environment = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
     done = subprocess.run(

@@ -90,6 +90,7 @@ def test_result_does_not_depend_on_the_starting_points(mtig):
         assert gj.fit(mtig, model).objective == gj.fit(mtig, model).objective
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["WN + 2*GM", "WN + 2*AR1"])
 def test_a_minimum_at_a_limit_is_reached_from_every_start(model):
     """Records of WN + RW without an RW in the model: one process has to become the random walk.
@@ -185,6 +186,7 @@ def test_agrees_with_a_general_optimiser():
     assert fit.objective == pytest.approx(other.fun, rel=1e-5, abs=0)
 
 
+@pytest.mark.slow
 def test_held_parameters_and_starting_values(mtig):
     free = gj.fit(mtig, "WN + GM + GM")
     held = gj.fit(mtig, "WN + GM(beta=0.01 fixed) + GM")
@@ -210,6 +212,7 @@ def test_held_parameters_and_starting_values(mtig):
     assert started.objective == pytest.approx(free.objective, rel=1e-8, abs=0)
 
 
+@pytest.mark.slow
 def test_an_alternating_process_is_found():
     """R's default searches phi > 0 only and returns 1.7e-4 for phi = -0.5 without a word."""
     x = np.asarray(gj.simulate("AR1(phi=-0.5, sigma2=1)", 2**15, key=jax.random.key(1)))
@@ -234,6 +237,7 @@ def determined(table):
     return {e.symbol for e in table if np.isfinite(e.value)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "model", "limit", "parameters", "quantities"),
     [
@@ -305,6 +309,7 @@ def test_second_call_with_new_numbers_compiles_nothing():
     assert fitting._compiled_quickly._cache_size() == before
 
 
+@pytest.mark.slow
 def test_channels_are_fitted_as_if_alone():
     """Two by the program of one, and nine, more than are fitted one by one, by a program of their own."""
     models = ["WN(sigma2=1) + GM(beta=0.1, variance=1)", "WN(sigma2=1e-9) + GM(beta=0.004, variance=1e-10)"]

@@ -15,6 +15,7 @@ TRUTH = gj.parse_model("WN(sigma2=1.0) + GM(beta=0.01, variance=0.1)")
 """Correlation time of 100 samples; the two components cross at a span of about 30."""
 
 
+@pytest.mark.slow
 def test_covariance_is_the_sandwich():
     """Against the formula in NumPy, for weights that are far from the inverse covariance."""
     wv = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(0))), rate=1.0)
@@ -71,6 +72,7 @@ def test_a_component_at_zero_has_an_upper_limit_which_moves_the_others():
     assert json["parameters"][1]["ci_low"] == 0
 
 
+@pytest.mark.slow
 def test_a_lost_gauss_markov_process_has_no_correlation_time():
     wv = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(0))), rate=1.0)
     fit = gj.fit(wv, "WN + 2*GM")
@@ -112,6 +114,7 @@ def ONE_AND_TWO(model):
     return jnp.log(jnp.stack([model.processes[0].sigma2, model.processes[1].variance]))
 
 
+@pytest.mark.slow
 def test_a_held_amplitude_of_zero_takes_no_interval_away():
     wv = gj.wavelet_variance(np.asarray(gj.simulate(TRUTH, 2**14, key=jax.random.key(0))), rate=1.0)
     fit = gj.fit(wv, "WN + GM(variance=0 fixed)")
@@ -122,6 +125,7 @@ def test_a_held_amplitude_of_zero_takes_no_interval_away():
     assert beta.note == "not identified"
 
 
+@pytest.mark.slow
 def test_an_interval_of_13_decades_is_none():
     """An exact table of WN + RW and a model with two Gauss-Markov processes too many: no warning, no 0 .. inf."""
     tau = 2.0 ** np.arange(1, 17)

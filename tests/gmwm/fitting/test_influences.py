@@ -46,6 +46,7 @@ def weights_of(wv):
     return 1 / (wv.ci_high - wv.ci_low) ** 2
 
 
+@pytest.mark.slow
 def test_the_estimates_are_those_of_the_fit(found, rec):
     np.testing.assert_allclose(found.values, values(gj.fit(rec, MODEL)), rtol=1e-8)
     assert found.names == ("WN sigma2", "GM beta", "GM variance")
@@ -75,6 +76,7 @@ def test_elasticities_and_leverages_sum_to_what_they_must(found):
     assert found.leverage.sum() == pytest.approx(3, abs=0.1)  # but for the curvature of what does not fit
 
 
+@pytest.mark.slow
 def test_by_sample_is_the_difference_of_refits(found, rec, of_variance):
     x = rec.data[:, 0].copy()
     slope = found.by_sample(rec)
@@ -135,6 +137,7 @@ def test_weights_given_and_values_held(found):
     np.testing.assert_allclose(given.without_scale_linear, given.without_scale, rtol=1e-5, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_component_at_zero_has_no_influence_and_no_elasticity(found):
     zero = gj.fitting.influence(found.wv, "WN + GM + RW")
     assert zero.values[3] == 0

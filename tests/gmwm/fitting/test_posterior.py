@@ -31,6 +31,7 @@ def plain(wv):
     return posterior(wv, "WN + GM")
 
 
+@pytest.mark.slow
 def test_without_anything_it_is_the_fit(wv, plain):
     fit = gj.fit(wv, "WN + GM", weights="covariance")
     np.testing.assert_allclose(plain.density.eta(plain.z), fit.model.unconstrained(), atol=1e-6)
@@ -61,6 +62,7 @@ def test_a_prior_adds_its_precision(wv, plain):
     assert both.covariance[i, i] == pytest.approx(plain.covariance[i, i] / 2, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_mode_is_the_highest_point_of_a_grid(wv):
     model = gj.WN() + gj.GM(beta=gj.Fixed(0.03), variance=gj.Fixed(0.2))
     found = posterior(wv, model, priors={"WN sigma2": Prior(1.01, factor=1.02)})
@@ -72,6 +74,7 @@ def test_the_mode_is_the_highest_point_of_a_grid(wv):
     assert float(curvature) == pytest.approx(1 / found.covariance[0, 0], rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_shared_parameter_is_one(two):
     found = posterior(two, "WN + GM", shared=["GM beta"])
     alone = posterior(two, "WN + GM")
@@ -86,6 +89,7 @@ def test_a_shared_parameter_is_one(two):
     assert float(found.density(found.z)) < float(alone.density(alone.z))
 
 
+@pytest.mark.slow
 def test_constraints_hold(two):
     ten = Constraint({"GM variance": 1.0, "WN sigma2": -1.0}, np.log(0.2))
     found = posterior(two, "WN + GM", constraints=[ten])
@@ -105,6 +109,7 @@ def test_another_solver_finds_the_same(wv, plain, solver):
     np.testing.assert_allclose(found.z, plain.z, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_mode_moves_with_the_moments(wv, plain):
     """By the implicit adjoint of the solver, against differences."""
 
@@ -120,6 +125,7 @@ def test_the_mode_moves_with_the_moments(wv, plain):
     np.testing.assert_allclose(slope[:, k], expected, rtol=1e-3, atol=1e-5 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 def test_draws_have_the_moments_of_the_posterior(wv):
     """Of one parameter, whose posterior is a sum over a grid; within five errors of 200 independent draws."""
     pytest.importorskip("blackjax")

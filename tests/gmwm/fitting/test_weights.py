@@ -88,6 +88,7 @@ class OfRatios(AbstractWeights):
         return np.diag(np.asarray(model.wavelet_variance(wv.scales)) ** -2.0)
 
 
+@pytest.mark.slow
 def test_new_weights_are_one_class(records):
     """All doors take them: one channel, several records, replicates."""
     wv = records[0]
@@ -107,6 +108,7 @@ def test_weights_that_need_a_fit_have_no_objective_without_one(records):
         gj.fitting.objective(records[0], "WN(sigma2=1)", weights="two-step")
 
 
+@pytest.mark.slow
 def test_iterated_weights_of_records_are_those_of_their_joint_fit(records):
     joint = gj.fit_records(as_records(records[0], records[1]), "WN + GM", weights="iterated")
     for r in joint.records:

@@ -53,6 +53,7 @@ def test_a_refit_is_a_fit(wv, omega):
     assert ours.converged.all()
 
 
+@pytest.mark.slow
 def test_components_keep_their_places():
     """Order of the user, from fast to slow; what is held stays."""
     truth = gj.parse_model(
@@ -72,6 +73,7 @@ def test_a_wrong_model_is_found(wv):
     assert gj.bootstrap(gj.fit(wv, "WN + GM"), 300, key=jax.random.key(1)).p_value > 0.02
 
 
+@pytest.mark.slow
 def test_tables(fit, boot):
     """Intervals of functions of one parameter are the functions of its interval; kinds are mirrored and scaled."""
     low, high = boot.interval()
@@ -97,6 +99,7 @@ def test_tables(fit, boot):
     np.testing.assert_allclose(np.diag(boot.correlation), 1.0)
 
 
+@pytest.mark.slow
 def test_a_component_at_zero_has_an_upper_end(wv):
     """Drift is not in the data: the interval starts at zero, and what cannot be had is not printed."""
     boot = gj.bootstrap(gj.fit(wv, "WN + GM + DR"), 250, key=jax.random.key(1))

@@ -21,6 +21,7 @@ def records():
     return gj.wavelet_variance(np.asarray(x), num_levels=LEVELS)
 
 
+@pytest.mark.slow
 def test_with_the_inverse_covariance_it_is_the_objective(records):
     """Sargan's and Hansen's J, with degrees of freedom to match."""
     fit = gj.fit(records[0], "WN + GM", weights="iterated")

@@ -63,6 +63,7 @@ def test_common_superset():
 # -- their fits --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["WN + RW", "WN + GM", "QN + RW + GM", SUPERSET])
 def test_a_candidate_is_a_fit(data, selection, model):
     alone = gj.fit(data["0"], model, weights=selection.superset.omega)
@@ -104,6 +105,7 @@ def test_second_selection_compiles_nothing(data, selection):
 # -- the ranking -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_numbers_of_a_candidate(selection):
     best = selection.best
     assert best.difference == best.standard_error == 0
@@ -133,6 +135,7 @@ def test_a_model_with_nothing_in_a_component_is_the_smaller_one():
     assert "3 more have a component at zero" in repr(s)
 
 
+@pytest.mark.slow
 def test_a_weak_random_walk_is_not_left_out():
     """Predicted as well without it, but then the longest spans scatter far too little: the model's own test says so.
 
@@ -146,6 +149,7 @@ def test_a_weak_random_walk_is_not_left_out():
     assert hides.recommended.p_value >= 0.01
 
 
+@pytest.mark.slow
 def test_optimism_by_replicates(data):
     """Near to twice the number of parameters, as far as 20 replicates can tell; more are drawn in tests/validation."""
     s = gj.select(data["2"], SUPERSET, num_replicates=20, key=jax.random.key(4))

@@ -100,6 +100,7 @@ def test_weights_are_those_of_each_record(records, joint):
     assert np.all((own > 0.3) & (own < 1.0))
 
 
+@pytest.mark.slow
 def test_six_adis_units_as_r_fits_them(shared):
     """R's mgmwm 0.1.0 on gyro X of six units with 18 scales: AR1 + WN + RW has the objective 637.0969.
 

@@ -113,6 +113,7 @@ def test_what_is_zero_for_all_is_zero_for_each():
 # -- near-stationarity ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_share_of_objectives(joint, same_test):
     """The p-value counts the data in; a replicate is a joint fit of its own records, with weights of their own."""
     at_least = np.sum(same_test.objective >= joint.objective)
@@ -143,6 +144,7 @@ def test_a_replicate_is_a_joint_fit(records, omega):
         assert ours[b] == pytest.approx(gj.fit_records(own, "WN + GM", weights=omega).objective, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_replicates_from_simulated_records(joint, same_test):
     """Objectives of the same size as those of variances drawn from theory."""
     slow = gj.multisignal.near_stationarity(joint, 8, key=jax.random.key(8), route="records")

@@ -145,6 +145,7 @@ def test_given_axes_are_used(wv):
         plot_wavelet_variance(wv, axes=ax)
 
 
+@pytest.mark.slow
 def test_a_datasheet_line_is_drawn_where_it_belongs(wv, fits):
     gyro, accel = plot_wavelet_variance(wv, datasheet={"rad/s": DATASHEET}).axes
     assert "datasheet" in legend(gyro)
@@ -282,6 +283,7 @@ def test_an_interval_that_starts_at_zero_has_no_place_on_a_logarithmic_axis():
         assert figure.axes[0].get_ylim()[0] > 0
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_what_the_data_say(rec, wv, fits):
     short = gmwm_jax.Recording.from_array(rec.data[:50], rate=20.0, units=rec.units, channels=rec.channels)
     one, adev = wv["gyro_x"], gmwm_jax.allan_deviation(wv)
@@ -327,6 +329,7 @@ def test_every_figure_draws_into_given_axes(rec, wv, fits):
             result.plot(axes=axes.flat[0])
 
 
+@pytest.mark.slow
 def test_results_plot_themselves(rec, wv, fits):
     adev = gmwm_jax.allan_deviation(wv)
     with warnings.catch_warnings(action="error"):

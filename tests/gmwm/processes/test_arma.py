@@ -71,6 +71,7 @@ def test_spans_that_are_no_powers_of_two_are_not_guessed_under_jit():
     assert np.isnan(traced[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", [(1.98 * np.cos(0.2), -0.9801), (1.4 * np.cos(1.57), -0.49)], ids=str)
 def test_covariance_of_the_wavelet_variance_of_what_rings(phi):
     """Twenty radians before it falls by e, and a period of four samples: against the sums over all lags."""
@@ -203,6 +204,7 @@ def lowest_by_scipy(wv, model, num_starts=8):
     return np.nanmin(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", TRUTHS)
 def test_the_global_minimum_is_found(model):
     x = np.asarray(gj.simulate(TRUTHS[model], NUM, key=jax.random.key(3)))
@@ -222,6 +224,7 @@ def own_theory():
     return gj.fit(gj.variance.WaveletVariance.from_table(some.scales, nu, low, high, num_samples=NUM), "AR(2)")
 
 
+@pytest.mark.slow
 def test_parameters_are_recovered_and_have_intervals(own_theory):
     table = own_theory.parameters()
     for name, value in (("phi1", 1.5), ("phi2", -0.8), ("sigma2", 1.0)):

@@ -70,6 +70,7 @@ def test_haar_covariance_at_real_and_far_lags(f0):
     assert np.max(np.abs(seen - expected) / size) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_fit_recovers_corner_and_level():
     tau = 2.0 ** np.arange(1, 17)
     truth = gj.WN(1e-3) + gj.FLK(0.01, 0.2) + gj.RW(1e-9)

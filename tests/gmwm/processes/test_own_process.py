@@ -75,6 +75,7 @@ def inside(recording):
     return gj.fit(recording, "WN + GM")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_a_fit_and_its_intervals_are_those_of_the_process(recording, inside, law):
     fit = gj.fit(recording, gj.WN() + alone(gj.GM, law)())
@@ -159,6 +160,7 @@ def test_it_has_a_text_form():
         gj.parse_model("bend(b=1)")
 
 
+@pytest.mark.slow
 def test_it_is_fitted_by_name(fitted):
     table = fitted.parameters()
     for name, true in (("fc", 0.002), ("a", 1.3), ("c", 1e-4)):
@@ -168,6 +170,7 @@ def test_it_is_fitted_by_name(fitted):
     assert "Bend has no continuous-time form" in repr(fitted)
 
 
+@pytest.mark.slow
 def test_a_selection_prefers_it(bent):
     ranked = gj.select(bent, ["WN + BEND", "WN + GM"], nested=False)
     assert ranked.recommended.fit.model.labels == ("WN", "Bend")
@@ -182,6 +185,7 @@ def test_a_fit_of_it_is_saved_and_loaded(fitted, tmp_path, monkeypatch):
         gj.load(path)
 
 
+@pytest.mark.slow
 def test_its_states_are_near_its_spectrum_and_a_filter_runs_on_them():
     process = gj.parse_model(TRUTH).processes[1]
     form = process.state_space()

@@ -31,6 +31,7 @@ def by_matrices(model, num_samples, J):
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "num_samples"), [(MIXED, 1500), ("WN(sigma2=1.0) + DR(omega=0.01)", 90)])
 def test_skewness(text, num_samples):
     """To one per cent where few coefficients are independent, else that of a chi-square variable, which is less."""

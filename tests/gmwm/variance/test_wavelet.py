@@ -129,6 +129,7 @@ def adis(request):
     return rec, [reference[f"imu1.{i + 1}"]["modwt"] for i in range(6)]
 
 
+@pytest.mark.slow
 def test_real_recording_equals_r(adis):
     """Six channels of ADIS16405 unit 1 against wv::wvar (R 4.2.2, wv 0.1.3).
 
@@ -163,6 +164,7 @@ def test_interval_is_chi_square():
         np.testing.assert_allclose(high, eta / chi2.ppf((1 - level) / 2, eta), rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_jax_path_maps_compiles_once_and_differentiates(key):
     x = jax.random.normal(key, (5, 300), dtype=jnp.float64)
     f = jax.jit(jax.vmap(eqx.debug.assert_max_traces(haar_wavelet_variance, max_traces=1)))

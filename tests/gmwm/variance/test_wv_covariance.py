@@ -81,6 +81,7 @@ def test_large_records_approach_the_chi_square_of_few_degrees():
     assert covariance[0, 0] / 0.25 * 1_000_000 == pytest.approx(3.0, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_derivatives_both_ways():
     """Of all parameters of a sum, against differences; every process at every parameter set is in tests/validation."""
 

@@ -138,6 +138,7 @@ def answers(monkeypatch, **results):
 # budget
 
 
+@pytest.mark.slow
 def test_budget_computes_what_the_functions_do(config, tmp_path):
     result = call("budget", config, "--json", tmp_path / "a.json")
     known = read_config(config)
@@ -182,6 +183,7 @@ def test_json_to_the_screen_has_no_numbers_that_are_none(config, monkeypatch):
 # design
 
 
+@pytest.mark.slow
 def test_design_computes_and_its_filter_can_be_compared(config, tmp_path):
     stdout = call("design", config, "--max-accel", 0, "--max-gyro", 0, "--max-steps", 1, "--out", tmp_path).stdout
     assert stdout.startswith("Filters designed for circle by score")

@@ -98,6 +98,7 @@ def no_filter_runs(monkeypatch, known):
 # run, compare
 
 
+@pytest.mark.slow
 def test_compare_prints_the_table_and_writes_nothing(config, known, tmp_path):
     """The only test that computes: the same numbers as without the command line."""
     result = call("compare", config)
@@ -142,6 +143,7 @@ FIGURES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_folder_gets_tables_and_figures(config, known, tmp_path, no_filter_runs):
     stdout = call("compare", config, "--out", tmp_path / "out").stdout
     files = {p.name: p for p in (tmp_path / "out").iterdir()}
@@ -238,6 +240,7 @@ def test_a_noisy_reference_is_a_line(config, monkeypatch, known):
 # demo
 
 
+@pytest.mark.slow
 def test_demo(tmp_path, monkeypatch):
     """What it makes of three files of fits, with runs that are there already."""
     (tmp_path / "fits").mkdir()
@@ -323,6 +326,7 @@ def test_bad_use_shows_how_to_use_it(config, arguments):
 # python -m nav_jax
 
 
+@pytest.mark.slow
 def test_the_command_turns_64_bits_on_itself(config):
     """In a process of its own, where no test has done so; a bad option ends it after the reading, which needs them."""
     environment = {k: v for k, v in os.environ.items() if k != "JAX_ENABLE_X64"}

@@ -132,6 +132,7 @@ def test_the_record_is_put_together(drive, written):
     assert known.utc == np.datetime64("2024-07-06T23:59:41.600000")
 
 
+@pytest.mark.slow
 def test_navigate(drive, written, tmp_path):
     saved = written[0] / "a.npz"
     report = ("--out", tmp_path, "--json", tmp_path / "a.json", "--save", saved)

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from nav import setups
 
 import gmwm_jax as gj
@@ -15,6 +16,7 @@ def quick(function):
     return jax.jit(function, compiler_options=options)
 
 
+@pytest.mark.slow
 def test_exact_start_has_finite_derivatives():
     """Zero variances: of the start, and of states that start from zero."""
     e = nj.filter.prepare(nj.Scenario(nj.motions.lemniscate(2.0, setups.RATE), setups.aiding()), rate=setups.RATE)

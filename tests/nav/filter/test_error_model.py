@@ -191,6 +191,7 @@ def to_rotation_vector(euler):
     return np.array([[cp * cy, -sy, 0.0], [cp * sy, cy, 0.0], [-sp, 0.0, 1.0]])
 
 
+@pytest.mark.slow
 def test_step_is_that_of_van_loan_in_r(shared):
     """R's F and W at one epoch of its run, discretised rightly, in its Euler angles: to first order in dt.
 

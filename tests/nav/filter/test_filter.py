@@ -101,6 +101,7 @@ def models():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["white", "mixed, with a drift"])
 def test_a_run_is_that_of_a_textbook_filter(off_grid, key, which):
     """With noise and initial errors; two terms of ours against exponentials.
@@ -159,6 +160,7 @@ def relative_difference(reference, key, scale, attitude_sd):
     return np.max(np.abs(off[:, :9]) / sd[:, :9])
 
 
+@pytest.mark.slow
 def test_gains_of_the_reference_are_exact_to_first_order(lemniscate, key):
     """Everything a hundredth, and the filters differ by a hundredth of what they did, in standard deviations."""
     large, small = (relative_difference(lemniscate, key, *x) for x in ((1.0, 0.02), (0.01, 0.0002)))

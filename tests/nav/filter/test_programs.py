@@ -21,6 +21,7 @@ def record(reference):
     prepare_navigation(imu, [], errors, **start, every=1, output_interval=1.0, earth=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prepare", [scenario, record])
 def test_programs_of_many_lengths_are_bounded(prepare, monkeypatch):
     """Each length has programs of its own; beyond the limit there are never more than those of one preparation."""

@@ -54,6 +54,7 @@ def outcomes(experiment, inputs, gains):
     )
 
 
+@pytest.mark.slow
 def test_it_is_the_textbook_smoother(experiment, outcomes):
     """Estimates and covariances at every event, relative to the standard deviations 1e-6."""
     plain, smooth = outcomes
@@ -91,6 +92,7 @@ def test_gains_that_do_not_remember_are_refused(experiment, inputs, gains):
         nj.filter.run_filter(experiment, ERRORS, inputs, forgetful, smooth=True)
 
 
+@pytest.mark.slow
 def test_navigation_is_smoothed():
     """A record whose sensors are perfect comes back, at outputs and fixes; standard deviations are the smaller."""
     imu, reference = nj.perfect_imu(nj.motions.lemniscate(8.0, setups.RATE), setups.RATE, nj.FlatEarth())

@@ -134,6 +134,7 @@ def test_another_process_leaves_the_rest_alone():
     np.testing.assert_allclose(two.total, np.asarray(one.total) + walk.lasting, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_sample_in_several_pieces_has_one_error():
     """Pieces that do not end their sample, and steps of several pieces, change nothing."""
     errors = nj.ImuErrors(MODEL, WHITE, RATE)

@@ -95,6 +95,7 @@ def test_sensitivities_are_differences_of_analyses(slopes, side, name):
     assert slopes.elasticity("horizontal")[-1, column] == pytest.approx(difference / rms(TRUTH, FEWER), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_sensitivity_to_a_partial_autocorrelation():
     """What is named is what is moved: both coefficients, by the recursion, as the first partial one alone changes."""
 
@@ -131,6 +132,7 @@ def test_sensitivities_to_fixes_and_start(slopes):
     assert seen == pytest.approx((true[0] - true[1]) / (2 * h), rel=1e-4, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_where_the_filter_is_right_its_parameters_do_not_matter():
     """The gains are optimal: derivatives by what is believed vanish; only position counts, the last of many optima."""
     s = nj.sensitivities(SCENARIO, TRUTH)
@@ -204,6 +206,7 @@ def fits():
     return setups.fits()
 
 
+@pytest.mark.slow
 def test_calibration_wants_fits(fits):
     blind = dataclasses.replace(fits[0])
     unknown = blind.covariance.copy()
@@ -225,6 +228,7 @@ def designed():
     return setups.designed()
 
 
+@pytest.mark.slow
 def test_designed_filters_beat_parts_of_the_truth(designed):
     """By the score that was asked for, and with claims that are nearer to the truth."""
     assert (designed.candidates[0].num_accel, designed.candidates[0].num_gyro) == (0, 0)

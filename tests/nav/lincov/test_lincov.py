@@ -45,6 +45,7 @@ def analysis():
 # -- what it must be ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 10])
 def test_the_right_filter_claims_what_is_true(every):
     """States of several kinds, a turn-on bias and drifts: relative to the standard deviations 1e-8."""
@@ -62,6 +63,7 @@ def test_the_right_filter_claims_what_is_true(every):
     )
 
 
+@pytest.mark.slow
 def test_what_a_filter_claims_is_its_own_covariance(experiment):
     """That of the filter which runs on the reference, from another program."""
     gains = nj.filter.gains_of(experiment, FILTERS["fewer"])
@@ -137,6 +139,7 @@ def test_unaided_and_at_rest_the_integrals_of_the_noise_come_out(case):
         assert c.sd[-1, 0] ** 2 == pytest.approx(powers[2] + g2 * powers[3], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_few_runs_have_the_size_of_the_covariances(experiment, analysis):
     """16 runs: of all their fixes together the variance of innovations; epoch by epoch 800 are in tests/validation.
 
@@ -175,6 +178,7 @@ def test_many_filters_at_once_compile_once():
     assert together[1] == pytest.approx(float(alone.true.navigation[-1, 0, 0]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_many_truths_and_filters_as_the_last_axis():
     """Stacked models, as jax.vmap builds them, are each what they are alone."""
     several = jnp.array([[6e-5, 1e-2, 1e-4], [1e-4, 3e-2, 2e-4], [3e-4, 1e-3, 1e-5]])
@@ -196,6 +200,7 @@ def test_many_truths_and_filters_as_the_last_axis():
         setups.covariances(stacked, jax.tree.map(lambda a: a[:2], stacked))
 
 
+@pytest.mark.slow
 def test_reverse_mode_through_several_filters():
     """Central differences of fourth order: 1e-5. By everything, and against forward mode, in tests/validation."""
 

@@ -320,6 +320,7 @@ def test_the_overview_of_one_model(reference):
     assert figure.axes[-1].get_title() == "difference in the same runs at 30 s"
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_what_the_data_say(reference, comparison):
     r = make_runs(num_runs=6)
     for plot, data, first, options in (

@@ -263,6 +263,7 @@ def test_a_tuning_that_did_not_converge_says_so():
     assert "not observable" not in texts(figure.legends[0])
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_what_the_data_say():
     right = make_analysis()["right"]
     for result, data, options in (

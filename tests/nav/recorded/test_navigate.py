@@ -54,6 +54,7 @@ def navigate(emulated, **options):
     return nj.navigate(given.pop("imu"), given.pop("aiding"), given.pop("filter"), **given)
 
 
+@pytest.mark.slow
 def test_it_is_the_run_of_the_monte_carlo(emulated):
     """The same numbers give the same estimate, deviations and innovations."""
     _, outcome, *_, times = emulated
@@ -173,6 +174,7 @@ def spread(num, seed):
     return factors @ factors.transpose(0, 2, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("smooth", [False, True])
 def test_each_fix_has_its_own_covariance(emulated, smooth):
     """As many sensors of one covariance each, with one fix, say the same."""
@@ -190,6 +192,7 @@ def test_each_fix_has_its_own_covariance(emulated, smooth):
     np.testing.assert_allclose(own.nis["gnss_position"], [apart.nis[f"gnss {i}"][0] for i in range(6)], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_factor_on_what_is_believed_is_one_on_what_fixes_state(emulated):
     """That is what `tune` seeks."""
     gnss = emulated[3][0]

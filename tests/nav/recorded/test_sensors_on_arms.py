@@ -67,6 +67,7 @@ def errors(solution, truth):
     return np.concatenate([*e, (mine * exact.inv()).as_rotvec()], axis=1), solution.sd[at, :9]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("smooth", [False, True])
 def test_the_estimate_lies_within_its_band(drive, smooth):
     """All errors within 4.5 standard deviations, and innovations as large as stated, 4.5 sigma of their number."""
@@ -98,6 +99,7 @@ def test_a_scale_factor_that_the_filter_does_not_know_is_seen(drive):
     assert nis.mean() / 3 > 1 + 4.5 * np.sqrt(2 / (3 * len(nis)))
 
 
+@pytest.mark.slow
 def test_tuning_finds_the_noise_and_that_of_the_wheel(drive):
     """White noise of the accelerometers from four times too much, within 4 standard errors; so the aiding sensors'."""
     imu, antenna, speed, start, _ = drive

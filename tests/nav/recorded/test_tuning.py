@@ -66,6 +66,7 @@ def log(errors):
     return np.asarray(ErrorLines(errors).start)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_differences(record):
     """Gradient 1e-5 by central differences of fourth order; the information is about the curvature."""
     imu, fixes, start = record
@@ -101,6 +102,7 @@ def test_the_truth_is_found(tuned):
     assert tuned.num_innovations == 1200
 
 
+@pytest.mark.slow
 def test_what_the_record_does_not_show_is_held(record):
     """A random walk of the accelerometers far below the rest: no sign of it in 200 s."""
     imu, fixes, start = record
@@ -130,6 +132,7 @@ def test_a_prior_holds_back(record, tuned):
     assert tuned.loss < held.loss < held.loss_start + 1e-6
 
 
+@pytest.mark.slow
 def test_aiding_too(record):
     imu, fixes, start = record
     wrong = [
@@ -170,6 +173,7 @@ def test_of_a_collinear_pair_one_is_given_up():
         assert gone == b
 
 
+@pytest.mark.slow
 def test_of_two_equal_processes_one_is_given_up(record):
     imu, fixes, start = record
     twice = nj.ImuErrors(gj.WN(4e-4), gj.WN(1.2e-5) + gj.GM(5e-3, 5e-7) + gj.GM(5e-3, 5e-7), RATE)
@@ -269,6 +273,7 @@ def test_an_interrupted_search_is_as_far_as_it_came():
         assert found.lost[1] == (found.vector[1] != objective.start[1])
 
 
+@pytest.mark.slow
 def test_a_process_that_is_not_there_is_lost(record, monkeypatch):
     """The search drives a random walk of the accelerometers towards zero; one program does all rounds."""
     imu, fixes, start = record
@@ -303,6 +308,7 @@ def test_with_a_prior_what_the_record_does_not_show_says_so(record):
     assert found.observable[found.names.index("accel WN sigma2")]
 
 
+@pytest.mark.slow
 def test_channels_without_noise_are_left_alone(record):
     imu, fixes, start = record
     silent = nj.ImuErrors(gj.WN(0.0), GUESS.models[3], RATE)
@@ -312,6 +318,7 @@ def test_channels_without_noise_are_left_alone(record):
     assert float(found.errors.models[0].processes[0].sigma2) == 0.0
 
 
+@pytest.mark.slow
 def test_partial_autocorrelations_have_their_own_lines(record):
     """Estimates and intervals are of what the names say: a function of one line, whatever the others are."""
     imu, fixes, start = record

@@ -125,6 +125,7 @@ def test_ten_runs_do_not_tell_854_from_865_m():
     assert other.verdict == f"not distinguishable from right (would need ~{_round(needed)} runs)"
 
 
+@pytest.mark.slow
 def test_of_equal_models_none_is_called_better():
     """At 5 % for the whole table, though the best one is chosen by the same data: 1000 tables of 3 equal models."""
     rng = np.random.default_rng(1)

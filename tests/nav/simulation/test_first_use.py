@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import jax
 
@@ -59,6 +61,7 @@ MOST = {
 """Programs of each line of the program above: what it should compile, and nothing that is one operation."""
 
 
+@pytest.mark.slow
 def test_a_scenario_compiles_few_programs():
     environment = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
     done = subprocess.run(

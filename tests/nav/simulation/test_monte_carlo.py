@@ -56,6 +56,7 @@ def assert_same(a, b, count=None, rtol=1e-8):
         np.testing.assert_allclose(seen, expected, rtol=0, atol=rtol * np.nanmax(np.abs(expected)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("chunk_size", "workers"), [(7, 2), (3, 1)])
 def test_chunks_and_threads_change_nothing(seven, chunk_size, workers):
     again = compare(chunk_size=chunk_size, workers=workers)
@@ -141,6 +142,7 @@ def test_an_interrupt_before_anything_is_one(monkeypatch):
         compare(chunk_size=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", ["estimate", "reference"])
 def test_whole_trajectories_of_chosen_runs(gains):
     runs = compare({"right": RIGHT}, keep=(4, 1), gains=gains)["right"]
@@ -166,6 +168,7 @@ def recorded(num=2000):
     return nj.RecordedErrors(rng.normal(size=(num, 3)) * 8e-3, rng.normal(size=(num, 3)) * 1e-3, setups.RATE)
 
 
+@pytest.mark.slow
 def test_recorded_errors():
     runs = compare({"wrong": WRONG, "right": RIGHT}, truth=recorded())
     for r in runs.values():
@@ -175,6 +178,7 @@ def test_recorded_errors():
     assert 3 < runs["wrong"].nees["navigation"].mean() < 20
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_twice(monkeypatch):
     """New numbers in the models, the same structure: the filter is not traced again."""
     counted = CountTraces(filter.mechanise_with_motion)
@@ -198,6 +202,7 @@ def test_progress_is_told_and_cancels():
         compare(chunk_size=3, workers=2, progress=Told(4))
 
 
+@pytest.mark.slow
 def test_quantisation_noise_is_named_and_left_out():
     noisy = nj.ImuErrors(gj.WN(6e-5) + gj.QN(1e-6), gj.WN(1.5e-6), setups.RATE)
     runs = compare({"with": noisy, "without": WRONG}, truth=noisy)
