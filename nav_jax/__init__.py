@@ -4,7 +4,8 @@ Conventions
 -----------
 Frames: n = local north, east, down; b = body front, right, down. C_nb and q_nb take b to n; quaternions are Hamilton's,
 scalar first, of unit length. Gyros measure the body rate in rad/s, accelerometers the specific force in m/s^2 (at rest,
-minus gravity). The Earth is flat and does not turn unless another one is given (`nav_jax.kinematics.AbstractEarth`).
+minus gravity). The Earth is flat and does not turn unless another one is given: `Wgs84`, or a class of one's own
+(`nav_jax.kinematics.AbstractEarth`).
 
 Errors are estimate minus truth; the attitude error is the rotation vector of C_est C_true' in n. NEES is e' P^-1 e, its
 expectation the number of states; coverage is the share of runs in which it is below the chi-square quantile.
@@ -65,6 +66,7 @@ if _TYPE_CHECKING:
     from nav_jax.imu import RecordedErrors as RecordedErrors
     from nav_jax.imu import perfect_imu as perfect_imu
     from nav_jax.kinematics import FlatEarth as FlatEarth
+    from nav_jax.kinematics import Wgs84 as Wgs84
     from nav_jax.lincov import analyse as analyse
     from nav_jax.lincov import calibration_effect as calibration_effect
     from nav_jax.lincov import design as design

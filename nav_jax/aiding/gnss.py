@@ -15,7 +15,7 @@ from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, lever, noises, spread, timing
 from nav_jax.imu.noise_models import NoiseModel
-from nav_jax.kinematics.earth import ned_from_geodetic
+from nav_jax.kinematics.geodetic import ned_from_geodetic
 from nav_jax.kinematics.rotation import cross, dcm_from_quat, matvec
 from nav_jax.trajectory.columns import POSITION, VELOCITY
 

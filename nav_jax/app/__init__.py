@@ -26,6 +26,8 @@ outages = [[260, 300]]
 
 [run]
 num_runs = 200
+earth = "wgs84" # the ellipsoid that turns, in place of a flat Earth of some gravity = "9.81 m/s^2"
+origin = ["46.5 deg", "6.6 deg", "500 m"] # unless the file of the trajectory has geodetic positions
 ```
 
 ```sh
@@ -55,6 +57,8 @@ noise parameters that make its innovations most likely are sought by `nav-jax tu
 imu = "imu.csv" # columns time, gyro_x .. gyro_z, accel_x .. accel_z; or columns = { gyro_x = "wx", ... }
 units = { gyro = "deg/s", accel = "g" }
 rate = "100 Hz"
+samples = "averages" # or instants; corrected for coning and sculling
+stamps = "end" # of each sample
 mounting = [0, "-6.7 deg", "5 deg"] # roll, pitch, yaw of the IMU in the vehicle
 time_offset = "0.3 s" # by which the clock of the IMU is ahead of that of the fixes
 # without velocity and attitude, the drive starts when its course tells where the vehicle heads
@@ -80,5 +84,8 @@ attitude_sd = ["2 deg", "2 deg", "5 deg"]
 
 [reference] # if there is one
 file = "reference.csv"
+
+[run]
+earth = "wgs84" # about the first fix, or [record] origin = ["46.5 deg", "6.6 deg", "500 m"]
 ```
 """

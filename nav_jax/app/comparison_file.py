@@ -8,11 +8,12 @@ import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import jax
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from gmwm_jax._internal.progress import Progress
@@ -31,7 +32,6 @@ from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.kinematics.earth import FlatEarth
 from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
 
@@ -159,7 +159,14 @@ def _build(tables: Mapping[str, Any], folder: Path) -> Config:
             sensors.append(section.build())
     with place("[initial]"):
         initial = InitialUncertainty(**start.given())
-    scenario = Scenario(reference, sensors, initial, FlatEarth(run.gravity), run.every, run.output_interval)
+    with place("[run]"):
+        if run.origin is not None:
+            if run.earth == "flat":
+                raise ValueError('origin is that of earth = "wgs84".')
+            reference = replace(reference, origin=np.array(run.origin)) if reference.origin is None else reference
+        origin = reference.origin if run.origin is None else np.array(run.origin)
+        earth = run.build_earth(origin, "[run]")
+    scenario = Scenario(reference, sensors, initial, earth, run.every, run.output_interval)
     return Config(scenario, truth, known, run, output)
 
 

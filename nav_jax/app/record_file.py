@@ -20,19 +20,18 @@ from pydantic import Field, create_model
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
-from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractNed, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
 from nav_jax.app.sections import (
     AIDING,
-    Acceleration,
     Aiding,
     Angle,
     FolderSection,
     Frequency,
     InitialSection,
     Length,
+    OfEarth,
     Section,
     Speed,
     Time,
@@ -42,7 +41,7 @@ from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.earth import FlatEarth
+from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.recorded.alignment import Start, align_by_course, between, mounted, turned
 from nav_jax.recorded.files import read_fixes, read_imu, read_samples
 from nav_jax.recorded.gnss.reading import read_gnss
@@ -57,12 +56,15 @@ from nav_jax.trajectory.trajectory import Trajectory
 
 _SECTIONS = ("record", "filters", "aiding", "initial", "reference", "run", "output")
 
-_IMU_READ = ("units", "scale", "rate", "columns", "time_unit", "gaps", "format", "delimiter", "header", "variable",
-             "max_bytes")  # fmt: skip
+_IMU_READ = ("units", "scale", "rate", "columns", "time_unit", "gaps", "samples", "stamps", "format",
+             "delimiter", "header", "variable", "max_bytes")  # fmt: skip
 _FIXES_READ = ("angles", "columns", "time_unit", "delimiter", "header", "variable", "max_bytes")
 _GNSS_READ = ("format", "clock", "date", "week")
 _GNSS_MAKE = ("sd_factor", "correlated")
 """Keys that are arguments of `read_imu`, `read_fixes`, `read_gnss`, and of the fixes made of a `GnssRecord`."""
+
+_OF_SAMPLES = ("gaps", "samples", "stamps")
+"""Keys of these that `read_samples` does not know."""
 
 Columns = dict[str, int | str]
 Three = Field(strict=False)
@@ -82,6 +84,8 @@ class RecordSection(Section):
     columns: Columns | None = None
     time_unit: str | None = None
     gaps: str | None = None
+    samples: str | None = None
+    stamps: str | None = None
     format: str | None = None
     delimiter: str | None = None
     header: int | None = None
@@ -108,9 +112,9 @@ class RecordSection(Section):
         imu = imu if self.mounting is None else mounted(imu, self.mounting)
         return imu if self.start is None and self.end is None else between(imu, self.start, self.end)
 
-    def samples(self, folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def as_recorded(self, folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As they were recorded, along the axes of the body."""
-        how = {k: getattr(self, k) for k in _IMU_READ if k != "gaps" and k in self.model_fields_set}
+        how = {k: getattr(self, k) for k in _IMU_READ if k not in _OF_SAMPLES and k in self.model_fields_set}
         time, gyro, accel = read_samples(folder / self.imu, **how)
         if self.mounting is not None:
             gyro, accel = (turned(x, self.mounting) for x in (gyro, accel))
@@ -213,14 +217,13 @@ class ReferenceSection(Section):
             how["origin"] = origin
         found = read_trajectory(folder / self.file, **how)
         time = found.time + self.time_offset
-        return Trajectory(time, found.position, found.velocity, found.quaternion, found.name)
+        return replace(found, time=time)
 
 
-class RecordRunSection(Section):
+class RecordRunSection(OfEarth):
     """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes output_interval and smooth."""
 
     every: Annotated[int, Field(ge=1)] = EVERY
-    gravity: Acceleration = STANDARD_GRAVITY
     output_interval: Time = OUTPUT_INTERVAL
     smooth: bool = False
 
@@ -242,6 +245,8 @@ class RecordConfig:
         Arguments of `nav_jax.tune` and `nav_jax.navigate`.
     filters
         Models, of which one is used.
+    earth
+        Argument of both.
     reference
         Argument of `nav_jax.navigate`, if there is one.
     origin
@@ -261,6 +266,7 @@ class RecordConfig:
     velocity: Float64[np.ndarray, "3"]
     quaternion: Float64[np.ndarray, "4"]
     initial: InitialUncertainty
+    earth: AbstractEarth
     reference: Trajectory | None
     origin: np.ndarray | None
     utc: np.datetime64 | None
@@ -284,7 +290,7 @@ class RecordConfig:
             "quaternion": self.quaternion,
             "initial": self.initial,
             "every": self.run.every,
-            "earth": FlatEarth(self.run.gravity),
+            "earth": self.earth,
         }
 
 
@@ -315,7 +321,7 @@ def inspect_file(path: str | os.PathLike[str], most_offset: float) -> Inspection
         record = checked(RecordSection, tables["record"], "[record]")
         listed = aiding_sections(tables.get("aiding", []), FIXES)
         with place("[record]"):
-            time, gyro, accel = record.samples(folder)
+            time, gyro, accel = record.as_recorded(folder)
         gnss = None
         for i, section in enumerate(listed):
             if gnss is None and section.is_gnss_file():
@@ -348,8 +354,10 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
     with place("[record]"):
         imu = record.build(folder)
     read = _Fixes(record, listed, folder)
+    with place("[run]"):
+        earth = run.build_earth(read.origin, "[record]")
     with place("[record]"):
-        imu, begin = _start(record, imu, read, run.gravity)
+        imu, begin = _start(record, imu, read, _gravity(earth, read))
     fixes, notes = _within(read, imu)
     with place("[initial]"):
         initial = InitialUncertainty(**start.given())
@@ -359,9 +367,15 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
             reference = compared.read(folder, read.origin)
     utc = next((r.utc for r in read.records if r is not None and r.utc is not None), None)
     return RecordConfig(
-        imu, fixes, known, begin.position, begin.velocity, begin.quaternion, initial, reference, read.origin, utc,
-        notes, run, output,
+        imu, fixes, known, begin.position, begin.velocity, begin.quaternion, initial, earth, reference, read.origin,
+        utc, notes, run, output,
     )  # fmt: skip
+
+
+def _gravity(earth: AbstractEarth, read: "_Fixes") -> float:
+    """Where the first fix is, m/s^2."""
+    there = next((r.position[:1].T for r in read.records if r is not None), np.zeros((3, 1)))
+    return float(np.linalg.norm(earth.gravity_n(jnp.asarray(there))))
 
 
 class _Fixes:

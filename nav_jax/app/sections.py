@@ -22,6 +22,8 @@ from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
+from nav_jax.kinematics.wgs84 import Wgs84
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.motions import GENERATORS
 from nav_jax.trajectory.trajectory import Trajectory
@@ -289,7 +291,24 @@ class InitialSection(Section):
     attitude_sd: Annotated[PerAxis, _axes_in("rad")] = 0.0
 
 
-class RunSection(Section):
+class OfEarth(Section):
+    """The Earth of a run: a flat one with its gravity, or WGS-84 about the origin of positions."""
+
+    earth: Literal["flat", "wgs84"] = "flat"
+    gravity: Acceleration = STANDARD_GRAVITY
+
+    def build_earth(self, origin: np.ndarray | None, where: str) -> AbstractEarth:
+        """About an origin, which a user states `where`."""
+        if self.earth == "flat":
+            return FlatEarth(self.gravity)
+        if "gravity" in self.model_fields_set:
+            raise ValueError("gravity is that of a flat Earth; wgs84 has its own.")
+        if origin is None:
+            raise ValueError(f"wgs84 needs to know where positions are zero: state origin in {where}.")
+        return Wgs84(origin)
+
+
+class RunSection(OfEarth):
     """Arguments of `nav_jax.compare`, and of its scenario."""
 
     num_runs: Annotated[int, Field(ge=1)] = 100
@@ -297,7 +316,7 @@ class RunSection(Section):
     gains: Literal["estimate", "reference"] = "estimate"
     every: Annotated[int, Field(ge=1)] = EVERY
     output_interval: Time = OUTPUT_INTERVAL
-    gravity: Acceleration = STANDARD_GRAVITY
+    origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
     chunk_size: Annotated[int, Field(ge=1)] | None = None
     workers: Annotated[int, Field(ge=1)] | None = None
 

@@ -141,7 +141,9 @@ def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], ea
     past = np.where(near, 0.0, position - index) * step
     sample = np.minimum(index, len(imu.time) - 1)
     state = (a[index].T for a in (reference.position, reference.velocity, reference.quaternion))
-    return _step(*state, imu.gyro[sample].T, imu.accel[sample].T, past[None], earth)
+    truth = _step(*state, imu.gyro[sample].T, imu.accel[sample].T, past[None], earth)
+    axes = earth.local(np.asarray(truth.p)[:, :, 0])
+    return truth if axes is None else truth._replace(axes=as_float(axes[..., None]))
 
 
 @bounded
@@ -188,7 +190,9 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
             steps, of_states = jnp.diff(passed[segment], prepend=0), jax.vmap(lambda k: stream(k, "states"))(keys_of)
             x = timeline.own.draw(i, steps, experiment.num_samples, of_states)
         runs = x.shape[2]
-        truth_at_fixes = [jnp.repeat(a[segment], runs, axis=2) for a in (*timeline.truth, timeline.sensed[:, :, None])]
+        there = timeline.truth
+        known = (there.p, there.v, there.q, timeline.sensed[:, :, None])
+        truth_at_fixes = [jnp.repeat(a[segment], runs, axis=2) for a in known]
         p, v, q, reading = truth_at_fixes
         body = jax.vmap(lambda reading, q: body_motion(reading, q, timeline.earth.rate))(reading, q)
         exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), body)

@@ -51,7 +51,7 @@ class Scenario:
     ------
     ValueError
         A part of another class, two sensors of one name, a sensor without a fix, an outage outside the run, a number
-        out of range.
+        out of range, a trajectory that is about another point than the Earth or leaves it.
 
     Examples
     --------
@@ -81,6 +81,7 @@ class Scenario:
         output_times(start, end, self.output_interval)
         for s in self.aiding:
             s.fixes(start, end)
+        self.earth.check(self.reference.position, self.reference.origin)
 
     def __repr__(self) -> str:
         ref = self.reference

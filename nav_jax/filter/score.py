@@ -9,7 +9,7 @@ from nav_jax.filter.error_model import Covariance
 from nav_jax.filter.layout import ATTITUDE, GROUPS, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank, by_channel, multiples
 from nav_jax.imu.channels import NO_CHANNEL
-from nav_jax.kinematics.linalg import root, transpose, whiten
+from nav_jax.kinematics.linalg import matmul3, root, transpose, whiten
 from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
 from nav_jax.kinematics.state import NavState
 
@@ -22,6 +22,8 @@ class Truth(NamedTuple):
     p: Float[Array, "3 1"]
     v: Float[Array, "3 1"]
     q: Float[Array, "4 1"]
+    axes: Float[Array, "3 3 1"] | None = None
+    """From n to the axes along which errors are judged, where these are others."""
 
 
 class Claim(NamedTuple):
@@ -34,6 +36,12 @@ class Claim(NamedTuple):
     def sd(self) -> Float[Array, "judged Q"]:
         """Standard deviations, columns `JUDGED`."""
         return root(jnp.concatenate([_diagonal(self.navigation), _diagonal(self.sensors)]))
+
+    def along(self, truth: Truth) -> "Claim":
+        """The same along the axes in which errors are judged."""
+        if truth.axes is None:
+            return self
+        return self._replace(navigation=_turned(truth.axes, transpose(_turned(truth.axes, self.navigation))))
 
 
 class Judgement(NamedTuple):
@@ -68,8 +76,11 @@ def judge(
     """Compare an estimate with the truth, where the IMU senses this."""
     psi = quat_to_rotvec(quat_multiply(state.q, quat_conjugate(jnp.broadcast_to(truth.q, state.q.shape))))
     sensors = bank.errors(state.x, sensed) - lasting
-    error = jnp.concatenate([state.p - truth.p, state.v - truth.v, psi, sensors])
-    N = claim.navigation
+    navigation = jnp.concatenate([state.p - truth.p, state.v - truth.v, psi])
+    if truth.axes is not None:
+        navigation = _turned(truth.axes, navigation[:, None])[:, 0]
+    claim = claim.along(truth)
+    error, N = jnp.concatenate([navigation, sensors]), claim.navigation
     # the factor of a matrix holds those of its leading blocks: position, pose, navigation at once
     order = jnp.array(NAVIGATION.columns("position", "attitude", "velocity"))
     y = jnp.cumsum(whiten(N[order][:, order], error[order]) ** 2, axis=0)
@@ -85,6 +96,11 @@ def judge(
         "navigation": y[-1], "sensors": of_sensors,
     }  # fmt: skip
     return Judgement(error, claim.sd, N[POSITION, POSITION], jnp.stack([known[group] for group in GROUPS]))
+
+
+def _turned(axes: Float[Array, "3 3 1"], X: Float[Array, "nav K Q"]) -> Float[Array, "nav K Q"]:
+    """Position, velocity and attitude along other axes."""
+    return jnp.concatenate([matmul3(axes, X[part]) for part in (POSITION, VELOCITY, ATTITUDE)])
 
 
 def _diagonal(P: Float[Array, "K K Q"]) -> Float[Array, "K Q"]:

@@ -23,3 +23,4 @@ from nav_jax.imu.imu import Imu as Imu
 from nav_jax.imu.imu import NoisyReferenceWarning as NoisyReferenceWarning
 from nav_jax.imu.imu import perfect_imu as perfect_imu
 from nav_jax.imu.recorded import RecordedErrors as RecordedErrors
+from nav_jax.imu.samples import imu_of_samples as imu_of_samples

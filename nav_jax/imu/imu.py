@@ -158,7 +158,7 @@ def perfect_imu(
     _check_turns(gyro / f, reference.time)
     _warn_of_noise(accel)
     imu = Imu(reference.time[:-1], gyro, accel, f)
-    return imu, Trajectory(reference.time, position, velocity, reference.quaternion, trajectory.name)
+    return imu, Trajectory(reference.time, position, velocity, reference.quaternion, trajectory.name, trajectory.origin)
 
 
 @bounded

@@ -2,3 +2,4 @@
 
 from nav_jax.kinematics.earth import AbstractEarth as AbstractEarth
 from nav_jax.kinematics.earth import FlatEarth as FlatEarth
+from nav_jax.kinematics.wgs84 import Wgs84 as Wgs84

@@ -263,7 +263,7 @@ def covariances_of_many(
 
     def event(carry, given):
         P, J = carry
-        valid, elapsed, sensed, partials = given
+        valid, elapsed, sensed, partials, truth = given
         sensed = sensed[:, None]
         H, of_rest = constant, readout
         if H is None:
@@ -276,7 +276,11 @@ def covariances_of_many(
         valid = valid[:, None]
         positive = sound & _positive(done.variance, innovation, _diagonal(whole), jnp.abs(_diagonal(both)))
         out = Lincov(
-            claim(J, lasting, sensed), claim(P, ours, sensed), valid * innovation, valid * done.variance, positive
+            claim(J, lasting, sensed).along(truth),
+            claim(P, ours, sensed).along(truth),
+            valid * innovation,
+            valid * done.variance,
+            positive,
         )
         return (P, J), out
 
@@ -284,7 +288,7 @@ def covariances_of_many(
     J = jax.vmap(lambda n, bank: n.aiding.advance(block_diag(n.start, bank.initial), n.aiding.first), out_axes=-1)(
         noises, joint
     )
-    carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed, timeline.sensed, partials)
+    carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed, timeline.sensed, partials, timeline.truth)
     found = time_loop(step, event, carry, (timeline.pattern, motion), events)[1][1]
     return jax.tree.map(lambda a: jnp.moveaxis(jnp.broadcast_to(a, (*a.shape[:-1], lanes)), -1, 0), found)
 
@@ -295,7 +299,7 @@ def _along(experiment: Experiment, sensors: Measurements) -> Partials:
     nothing = jnp.zeros((timeline.own.size, 1))
 
     def at(truth: Truth, sensed: Array) -> Partials:
-        return sensors.partials(NavState(*truth, nothing), sensed[:, None])
+        return sensors.partials(NavState(truth.p, truth.v, truth.q, nothing), sensed[:, None])
 
     return jax.vmap(at)(timeline.truth, timeline.sensed)
 

@@ -28,6 +28,7 @@ def export_navigation(
 ) -> Path:
     """Write the track; parameters as of `Navigation.export`."""
     file = Path(path)
+    origin = navigation.trajectory.origin if origin is None else origin
     suffix = file.suffix.lower()
     if suffix in MAPS:
         return save_trajectory(navigation.trajectory, file, origin=origin, start=start, interval=interval)

@@ -18,6 +18,7 @@ from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.registry import AIDING
 from nav_jax.imu.imu import Imu
+from nav_jax.imu.samples import imu_of_samples
 from nav_jax.trajectory.columns import ACCEL, GYRO, Reader, pick
 
 
@@ -30,6 +31,8 @@ def read_imu(
     columns: Mapping[str, int | str] | None = None,
     time_unit: str | None = None,
     gaps: str = "refuse",
+    samples: str = "held",
+    stamps: str = "begin",
     format: str | None = None,
     delimiter: str | None = None,
     header: int | None = None,
@@ -65,6 +68,11 @@ def read_imu(
         ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another.
     gaps
         Where samples are missing: ``refuse``, an error, or ``longest``, the longest run is taken.
+    samples
+        What the numbers are: ``averages`` over the sample, as increments are, and ``instants`` at the stamps are
+        corrected for coning and sculling; ``held`` are taken as they are, see `nav_jax.imu.imu_of_samples`.
+    stamps
+        What of its sample a stamp marks: ``begin``, ``middle`` or ``end``.
     format
         Of the logger, see `gmwm_jax.read_recording`; found by the content where that is certain.
     delimiter
@@ -104,7 +112,7 @@ def read_imu(
         f = found.rate if rate is None else float(sampling_rate(rate))
         gyro, accel = (opened.sensor(*of, f)[found.rows] for of in _SENSORS)
         warn_of_units(gyro, accel)
-        return Imu(opened.first + found.time, gyro, accel, f)
+        return imu_of_samples(opened.first + found.time, gyro, accel, f, samples=samples, stamps=stamps)
     except ValueError as error:
         raise _of_file(error, source) from error
 

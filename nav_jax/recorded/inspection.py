@@ -11,6 +11,7 @@ from gmwm_jax._internal.checks import increasing, real_array
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
+from nav_jax.kinematics.wgs84 import normal_gravity
 from nav_jax.recorded.alignment import velocities
 from nav_jax.recorded.clocks import Offset, clock_offsets
 from nav_jax.recorded.gnss.record import GnssRecord
@@ -263,27 +264,13 @@ def inspect_record(
     if fixes.quality is not None:
         for q, n in zip(*np.unique(fixes.quality, return_counts=True), strict=True):
             qualities[f"{q} ({fixes.kinds.get(int(q), 'unknown')})"] = int(n)
-    gravity = None if fixes.origin is None else normal_gravity(fixes.origin[0], fixes.origin[2])
+    gravity = None if fixes.origin is None else float(normal_gravity(np.sin(fixes.origin[0]) ** 2, fixes.origin[2]))
     rests = _rests(t, w, f, (at + shift, speed))
     return Inspection(imu, _stamps(fixes.time), rests, gravity, course, offsets, qualities, series)
 
 
 def _is_told(offset: Offset) -> bool:
     return bool(offset.best >= _TOLD[0] and np.isfinite(offset.value) and offset.se <= _TOLD[1])
-
-
-def normal_gravity(latitude: float, height: float) -> float:
-    """Magnitude of normal gravity in m/s^2 on and above WGS-84 (Moritz 2000, Somigliana's formula and its expansion).
-
-    Examples
-    --------
-    >>> round(normal_gravity(np.pi / 4, 0.0), 6)
-    9.806199
-    """
-    a, f, e2, m = 6378137.0, 1 / 298.257223563, 6.69437999014e-3, 3.44978650684e-3
-    s2 = np.sin(latitude) ** 2
-    surface = 9.7803253359 * (1 + 1.931852652e-3 * s2) / np.sqrt(1 - e2 * s2)
-    return float(surface * (1 - 2 / a * (1 + f + m - 2 * f * s2) * height + 3 * height**2 / a**2))
 
 
 def _stamps(time: Float64[np.ndarray, " N"]) -> Stamps:

@@ -38,6 +38,7 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.state import NavState
+from nav_jax.kinematics.wgs84 import Wgs84
 from nav_jax.recorded._export import export_navigation, navigation_dataset
 from nav_jax.recorded.reference import ReferenceErrors
 from nav_jax.recorded.withheld import Withheld
@@ -131,7 +132,7 @@ class Navigation(Drawable, Saved):
             The file; it appears whole or not at all.
         origin
             Latitude, longitude (rad) and height (m) of the origin of n; a table then has latitude, longitude and height
-            too. Needed by maps.
+            too. Needed by maps; that of the Earth unless given.
         start
             UTC at time zero, as ``numpy.datetime64``; maps then have times.
         interval
@@ -246,9 +247,10 @@ def prepare_navigation(
     }
     if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
         raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
+    earth.check(start["position"][None], None if reference is None else reference.origin)
     p, v, q = (as_float(a[:, None]) for a in start.values())
     begin = NavState(p, v, q, as_float(np.zeros((0, 1))))
-    truth = _truth(reference, schedule.time)
+    truth = _truth(reference, schedule.time, earth)
     timeline = timeline_of(
         imu, schedule, sensors, [s[f.given] for s, f in zip(fixes, aiding, strict=True)], truth, earth
     )
@@ -420,7 +422,7 @@ def navigate(
     after, before = _estimates(done, outcome)
     label = "smoothed navigation" if smooth else "navigation"
     return Navigation(
-        Trajectory(after.time, after.position, after.velocity, after.quaternion, label),
+        Trajectory(after.time, after.position, after.velocity, after.quaternion, label, _origin(earth)),
         after.sd,
         after.sensor_errors,
         before,
@@ -432,6 +434,11 @@ def navigate(
         withheld,
         None if reference is None else _reference_errors(reference, done, outcome),
     )
+
+
+def _origin(earth: AbstractEarth | None) -> Float64[np.ndarray, "3"] | None:
+    """Of positions, where the Earth knows it."""
+    return np.asarray(earth.origin) if isinstance(earth, Wgs84) else None
 
 
 def _withheld(
@@ -452,7 +459,7 @@ def _withheld(
     return Withheld(fixes.time[~fixes.given], error, C, sensor.axes, sensor.unit, sensor.outages)
 
 
-def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"]) -> Truth:
+def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"], earth: AbstractEarth) -> Truth:
     """The reference at the ends of the segments; its own ends where it ends."""
     if reference is None:  # errors of the channels are then what the filter estimates, all others mean nothing
         still, level = np.zeros((len(time), 3, 1)), np.tile(np.eye(4)[None, :, :1], (len(time), 1, 1))
@@ -466,7 +473,8 @@ def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"]) -> Tru
         )
     known = reference.at(instants)
     p, v, q = (as_float(a[which][:, :, None]) for a in (known.position, known.velocity, known.quaternion))
-    return Truth(p, v, q)
+    axes = earth.local(known.position[which])
+    return Truth(p, v, q, None if axes is None else as_float(axes[..., None]))
 
 
 def _reference_errors(reference: Trajectory, done: Prepared, outcome: Outcome) -> ReferenceErrors:

@@ -155,7 +155,8 @@ class Comparison(Drawable, AsDataset):
         joined = joined.assign_coords(reference_time=("reference_time", ref.time, {"units": "s"}))
         for name, (last, unit) in _REFERENCE.items():
             joined[f"reference_{name}"] = (("reference_time", last), getattr(ref, name), {"units": unit})
-        return joined.assign_attrs(kind=COMPARISON_KIND, truth=self.truth, reference=ref.name)
+        origin = {} if ref.origin is None else {"origin": ref.origin.tolist()}
+        return joined.assign_attrs(kind=COMPARISON_KIND, truth=self.truth, reference=ref.name, **origin)
 
     @classmethod
     def from_xarray(cls, dataset: "xarray.Dataset") -> "Comparison":
@@ -163,7 +164,7 @@ class Comparison(Drawable, AsDataset):
         try:
             names = [str(name) for name in dataset["model"].values]
             arrays = {name: dataset[f"reference_{name}"].values for name in ("time", *_REFERENCE)}
-            reference = Trajectory(**arrays, name=dataset.attrs["reference"])
+            reference = Trajectory(**arrays, name=dataset.attrs["reference"], origin=dataset.attrs.get("origin"))
             truth = dataset.attrs["truth"]
         except (KeyError, TypeError) as error:
             raise ValueError(f"This Dataset is not one that Comparison.to_xarray made: {error}.") from error

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,13 @@ import jax
 import numpy as np
 
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax._internal.checks import number, real_array, require_x64
+from gmwm_jax._internal.checks import number, require_x64
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.typing import Matrix, Quaternion, Real, Vector
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.earth import dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
+from nav_jax.kinematics.geodetic import checked_origin, dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
 from nav_jax.trajectory.columns import ATTITUDE, POSITION, VELOCITY, Reader, choose
 from nav_jax.trajectory.maps import MAPS
 from nav_jax.trajectory.trajectory import Trajectory
@@ -135,7 +136,7 @@ def save_trajectory(
     path
         The file.
     origin
-        Of maps: latitude, longitude (rad) and height (m) of the origin.
+        Of maps: latitude, longitude (rad) and height (m) of the origin; that of the trajectory unless given.
     start
         Of maps: UTC at time zero; without it they have no times.
     interval
@@ -158,6 +159,7 @@ def save_trajectory(
     file = Path(path)
     suffix = file.suffix.lower()
     if suffix in MAPS:
+        origin = trajectory.origin if origin is None else origin
         if origin is None:
             raise ValueError(f"A map needs to know where the trajectory is: give origin=... to write {file}.")
         rows = _thinned(trajectory.time, number("interval", interval))
@@ -207,14 +209,7 @@ def to_geodetic(trajectory: Trajectory, origin: Sequence[Real] | np.ndarray) -> 
     origin
         Latitude, longitude (rad) and height (m).
     """
-    return geodetic_from_ned(trajectory.position, _origin(origin))
-
-
-def _origin(origin: Sequence[Real] | np.ndarray) -> np.ndarray:
-    point = real_array("The origin (latitude, longitude in rad, height in m)", origin, (3,))
-    if abs(point[0]) > np.pi / 2 or abs(point[1]) > 2 * np.pi:
-        raise ValueError(f"The origin is latitude and longitude in rad and height in m, and is {point.tolist()}.")
-    return point
+    return geodetic_from_ned(trajectory.position, checked_origin(origin))
 
 
 def _assemble(time, p, euler, v, system: str, origin: Sequence[Real] | np.ndarray | None, name: str) -> Trajectory:
@@ -224,13 +219,14 @@ def _assemble(time, p, euler, v, system: str, origin: Sequence[Real] | np.ndarra
         return Trajectory.from_euler(time, p, euler, velocity=v, name=name)
     if len(p) and np.abs(p[:, 0]).max() > np.pi / 2:
         raise ValueError(f"Latitudes reach {np.abs(p[:, 0]).max():.6g} rad, more than pi/2: are they in deg?")
-    centre = _origin(p[0] if origin is None else origin)
+    centre = checked_origin(p[0] if origin is None else origin)
     # from the local frame of each point to that of the origin
     turn = dcm_ned_from_ecef(centre[0], centre[1]) @ dcm_ned_from_ecef(p[:, 0], p[:, 1]).transpose(0, 2, 1)
     q = _turned(turn.transpose(1, 2, 0), euler.T)
     velocity = None if v is None else np.einsum("kij,kj->ki", turn, v)
     ned = ned_from_geodetic(p, centre)
-    return Trajectory.from_quaternion(time, ned, np.asarray(q).T, velocity=velocity, name=name)
+    found = Trajectory.from_quaternion(time, ned, np.asarray(q).T, velocity=velocity, name=name)
+    return replace(found, origin=centre)
 
 
 @jax.jit

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from gmwm_jax._internal.checks import increasing, number, real_array, require_x64, sampling_rate
@@ -12,6 +13,7 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Quaternions, Real, Times, Vectors
 from nav_jax.kinematics import rotation
+from nav_jax.kinematics.geodetic import checked_origin
 
 _NORM_TOLERANCE = 1e-6
 _DEGREES = 180 / np.pi
@@ -28,7 +30,7 @@ _ON_GRID = 1e-6
 """Fraction of a sample by which a time may miss the grid: what rounding to microseconds leaves."""
 
 
-@saved()
+@saved(added=("origin",))
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Drawable):
     """Position, velocity and attitude at N + 1 epochs. Build it with `from_euler`, a reader or a generator.
@@ -45,12 +47,15 @@ class Trajectory(Drawable):
         Unit quaternion q_nb, scalar first, shape (N+1, 4); stored without jumps of sign.
     name
         For tables and figures.
+    origin
+        Latitude, longitude (rad) and ellipsoidal height (m) of the point where positions are zero, shape (3,); None
+        where nobody knows it.
 
     Raises
     ------
     ValueError
         Shapes that do not match, fewer than two epochs, time that does not increase, NaN or infinite values,
-        quaternions that are not of unit length.
+        quaternions that are not of unit length, an origin that is no place on the Earth.
 
     Examples
     --------
@@ -66,6 +71,7 @@ class Trajectory(Drawable):
     velocity: Vectors
     quaternion: Quaternions
     name: str = ""
+    origin: Float64[np.ndarray, "3"] | None = None
 
     def __post_init__(self) -> None:
         time = real_array("The time of a trajectory", self.time, (None,))
@@ -74,6 +80,8 @@ class Trajectory(Drawable):
         for field, width in {"position": 3, "velocity": 3, "quaternion": 4}.items():
             arrays[field] = real_array(f"The {field} of a trajectory", getattr(self, field), (len(time), width))
         arrays["quaternion"] = _smooth_unit(arrays["quaternion"])
+        if self.origin is not None:
+            arrays["origin"] = checked_origin(self.origin)
         for field, value in arrays.items():
             object.__setattr__(self, field, value)
 
@@ -198,7 +206,7 @@ class Trajectory(Drawable):
             )
         inside = wanted.clip(self.time[0], self.time[-1])
         p, v, q = (_spline(self.time, a)(inside) for a in (self.position, self.velocity, self.quaternion))
-        return Trajectory(wanted, p, v, q / np.linalg.norm(q, axis=1, keepdims=True), self.name)
+        return Trajectory(wanted, p, v, q / np.linalg.norm(q, axis=1, keepdims=True), self.name, self.origin)
 
     def smoothed(self, knots: Real, *, attitude_knots: Real | None = None) -> "Trajectory":
         """Remove the noise of a recorded reference: the least-squares spline of degree 5 with evenly spaced knots.
@@ -221,9 +229,8 @@ class Trajectory(Drawable):
         """
         position = _smoothing_spline(self.time, self.position, knots)
         if attitude_knots is None:
-            return Trajectory(
-                self.time, position(self.time), _derivative(position, self.time), self.quaternion, self.name
-            )
+            velocity = _derivative(position, self.time)
+            return Trajectory(self.time, position(self.time), velocity, self.quaternion, self.name, self.origin)
         return self._from_splines(self.time, position, _smoothing_spline(self.time, self.quaternion, attitude_knots))
 
     def _check_gaps(self) -> None:
@@ -239,7 +246,7 @@ class Trajectory(Drawable):
     def _from_splines(self, time: Times, position: BSpline, quaternion: BSpline) -> "Trajectory":
         q = quaternion(time)
         q /= np.linalg.norm(q, axis=1, keepdims=True)
-        return Trajectory(time, position(time), _derivative(position, time), q, self.name)
+        return Trajectory(time, position(time), _derivative(position, time), q, self.name, self.origin)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -271,6 +278,9 @@ class Trajectory(Drawable):
         rows = [[name, *(f"{v + 0.0:.6g}" for v in (x.min(), x.max()))] for name, x in axes.items()]
         title = f"Trajectory {self.name!r}" if self.name else "Trajectory"
         what = f"{len(self)} epochs at {self.rate:g} Hz, {self.duration:g} s from {self.time[0]:g} s"
+        if self.origin is not None:
+            lat, lon = np.rad2deg(self.origin[:2])
+            what += f"; origin {lat:.8f} deg, {lon:.8f} deg, {self.origin[2]:.3f} m"
         return f"{title}: {what}\n{format_table(['', 'least', 'most'], rows)}"
 
 

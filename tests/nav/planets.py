@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import nav_jax as nj
-from nav_jax.kinematics.earth import dcm_ned_from_ecef, ecef_from_geodetic
+from nav_jax.kinematics.geodetic import dcm_ned_from_ecef, ecef_from_geodetic
 from nav_jax.kinematics.rotation import cross, dot
 
 

@@ -128,7 +128,7 @@ def quiet_inputs(experiment, num_states=0, num_runs=1):
     """Inputs without any error: exact start, perfect sensors, exact fixes."""
     timeline = experiment.timeline
     M, G, n, _ = timeline.imu.shape
-    truth = NavState(*(a[:, :, 0].T for a in timeline.truth), jnp.zeros((timeline.own.size, M)))
+    truth = NavState(*(a[:, :, 0].T for a in timeline.truth[:3]), jnp.zeros((timeline.own.size, M)))
     z = Measurements(experiment.sensors, timeline.own, timeline.earth.rate).predict(truth, timeline.sensed.T).T
     start = experiment.start
     start = type(start)(*(jnp.tile(a, (1, num_runs)) for a in start[:3]), jnp.zeros((num_states, num_runs)))

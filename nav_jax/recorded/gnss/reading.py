@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from gmwm_jax._internal.checks import real_array, require_x64
+from gmwm_jax._internal.checks import require_x64
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.tabular import require_file
 from gmwm_jax._internal.typing import Real
-from nav_jax.kinematics.earth import (
+from nav_jax.kinematics.geodetic import (
+    checked_origin,
     dcm_ned_from_ecef,
     ecef_from_geodetic,
     geodetic_from_ecef,
@@ -114,7 +115,7 @@ def _date(text: Any) -> np.datetime64:
 
 def _record(raw: RawFixes, clock: str | None, origin: Any, name: str) -> GnssRecord:
     time, counted = _time(raw, clock)
-    center = None if origin is None else _checked(origin)
+    center = None if origin is None else checked_origin(origin)
     position, turn, center = _local(raw, center)
     velocity = None if raw.velocity is None else _turn(turn, raw.velocity)
     return GnssRecord(
@@ -150,13 +151,6 @@ def _time(raw: RawFixes, clock: str | None) -> tuple[np.ndarray, str]:
             "file with seconds of the week as week=..."
         )
     return raw.seconds, "as in the file"
-
-
-def _checked(origin: Any) -> np.ndarray:
-    point = real_array("The origin (latitude, longitude in rad, height in m)", origin, (3,))
-    if abs(point[0]) > np.pi / 2 or abs(point[1]) > 2 * np.pi:
-        raise ValueError(f"The origin is latitude and longitude in rad and height in m, and is {point.tolist()}.")
-    return point
 
 
 def _turn(matrix: np.ndarray, v: np.ndarray) -> np.ndarray:

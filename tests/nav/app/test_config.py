@@ -120,10 +120,18 @@ def test_every_section_becomes_what_it_says(write):
     sd = np.sqrt(np.diag(config.scenario.initial.covariance))
     np.testing.assert_allclose(sd, [1, 2, 3, 0, 0, 0, deg, deg, deg], rtol=1e-14)
     assert config.run.model_dump() == {
-        "num_runs": 3, "seed": 7, "gains": "estimate", "every": 5, "output_interval": 1.0, "gravity": 9.8056,
-        "chunk_size": None, "workers": None,
+        "num_runs": 3, "seed": 7, "gains": "estimate", "every": 5, "output_interval": 1.0, "earth": "flat",
+        "gravity": 9.8056, "origin": None, "chunk_size": None, "workers": None,
     }  # fmt: skip
     assert config.output.model_dump() == {"folder": None, "plot": True, "save": None}
+
+
+def test_the_earth_may_be_round(write):
+    """About an origin that the file states."""
+    text = 'earth = "wgs84"\norigin = ["46.5 deg", "6.6 deg", "500 m"]'
+    scenario = read_config(write(by={"gravity = 9.8056": text})).scenario
+    np.testing.assert_allclose(scenario.earth.origin, [*np.deg2rad([46.5, 6.6]), 500.0], rtol=1e-14)
+    np.testing.assert_array_equal(scenario.reference.origin, scenario.earth.origin)
 
 
 def test_it_runs_what_it_says(write, monkeypatch):
@@ -324,8 +332,13 @@ WRONG = [
     ({"num_runs = 3": "num_runs = 0"}, "[run], num_runs: Input should be greater than or equal to 1, and it is 0"),
     ({"num_runs = 3": 'num_runs = "3"'}, "[run], num_runs: Input should be a valid integer, and it is '3'"),
     ({"seed = 7": 'gains = "kalman"'}, "[run], gains: Input should be 'estimate' or 'reference', and it is 'kalman'"),
-    ({"seed = 7": "seed = 7\nworker = 2"}, "[run]: there is no key 'worker'; the keys are num_runs, seed, gains"),
+    ({"seed = 7": "seed = 7\nworker = 2"}, "[run]: there is no key 'worker'; the keys are earth, gravity, num_runs"),
     ({"[run]": "[run"}, "is no TOML file"),
+    ({"seed = 7": 'earth = "round"'}, "[run], earth: Input should be 'flat' or 'wgs84', and it is 'round'"),
+    ({"seed = 7": 'earth = "wgs84"'}, "[run]: gravity is that of a flat Earth; wgs84 has its own"),
+    ({"gravity = 9.8056": 'earth = "wgs84"'}, "[run]: wgs84 needs to know where positions are zero: state"),
+    ({"seed = 7": "origin = [0.8, 0.1, 500]"}, '[run]: origin is that of earth = "wgs84"'),
+    ({"gravity = 9.8056": 'earth = "wgs84"\norigin = [46.5, 6.6, 500]'}, "are the angles in deg?"),
 ]  # fmt: skip
 
 

@@ -137,5 +137,6 @@ def test_files_know_these_classes():
             "Estimates", "Fixes", "FlatEarth", "GnssPosition", "GnssVelocity", "ImuErrors", "InitialUncertainty",
             "Misalignment", "Navigation", "Odometer", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
             "Sensitivities", "Track", "Trajectory", "Tuning", "Withheld",
+            "Wgs84",
         )
     ]  # fmt: skip

@@ -6,7 +6,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import nav_jax as nj
-from nav_jax.recorded.inspection import normal_gravity
 
 RATE = 50.0
 BIAS = np.deg2rad([0.05, -0.1, 0.2])
@@ -107,13 +106,6 @@ def test_what_a_record_does_not_tell():
     assert alone.offsets == ()
     with pytest.raises(ValueError, match="does not increase"):
         nj.recorded.inspect_record(time[::-1], gyro, accel)
-
-
-def test_normal_gravity():
-    """At the equator, the pole and in between (Moritz 2000), and its decrease with height."""
-    assert normal_gravity(0.0, 0.0) == pytest.approx(9.7803253359, rel=1e-10)
-    assert normal_gravity(np.pi / 2, 0.0) == pytest.approx(9.8321849378, rel=1e-9)
-    assert normal_gravity(0.8, 1000.0) - normal_gravity(0.8, 0.0) == pytest.approx(-3.0855e-3, rel=1e-3)
 
 
 def test_offsets_of_a_real_drive(shared):

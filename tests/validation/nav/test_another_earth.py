@@ -204,3 +204,18 @@ def test_free_runs_on_a_planet_that_turns_have_the_errors_that_the_covariances_s
 
 def test_aided_runs_on_a_planet_that_turns_have_the_errors_that_the_covariances_say():
     check_runs(AIDED, 4)
+
+
+def test_runs_far_from_the_origin_are_judged_along_local_axes():
+    """100 km north of the origin, where n is tilted by 0.9 deg: heights are known, and down in n is not."""
+    far = dataclasses.replace(CLIMB, position=CLIMB.position + np.array([100e3, 0.0, 785.0]))
+    earth = nj.Wgs84([0.81, 0.115, 500.0])
+    barometer = nj.Barometer(1.0, height=0.01)
+    scenario = nj.Scenario(far, (barometer,), START, earth, every=10, output_interval=5.0)
+    check_runs(scenario, 6)
+    c = nj.analyse(scenario, WHITE)["filter"]
+    tilt = 100e3 / 6.37e6
+    assert c.sd[-1, 2] < 0.02
+    assert c.sd[-1, 0] * tilt > 0.004  # what of the north would be seen in the down of n
+    turned = earth.local(far.position[-1:])[0]
+    np.testing.assert_allclose(turned @ [0.0, 0.0, 1.0], [tilt, 0.0, 1.0], atol=1e-3)
