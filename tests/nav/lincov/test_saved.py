@@ -136,7 +136,7 @@ def test_files_know_these_classes():
             "Analysis", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison", "Covariances", "Design",
             "Estimates", "Fixes", "FlatEarth", "GnssPosition", "GnssVelocity", "ImuErrors", "InitialUncertainty",
             "Misalignment", "Navigation", "Odometer", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
-            "Sensitivities", "Track", "Trajectory", "Tuning", "Withheld",
-            "Wgs84",
+            "Sensitivities", "Track", "Trajectory", "Tuning", "Wgs84",
+            "Withheld",
         )
     ]  # fmt: skip
