@@ -66,7 +66,14 @@ class Sweep(NamedTuple):
         return fitted.reshape(len(fits), len(y), -1)
 
 
-def sweep(whole: Fit, superset: Composite, subsets: Sequence[tuple[int, ...]], *, key: PRNGKey | None = None) -> Sweep:
+def sweep(
+    whole: Fit,
+    superset: Composite,
+    subsets: Sequence[tuple[int, ...]],
+    *,
+    key: PRNGKey | None = None,
+    advance: Callable[[int], Any] | None = None,
+) -> Sweep:
     """Fit sub-models of one model to the wavelet variance that the model itself was fitted to, with its weights.
 
     Parameters
@@ -77,6 +84,8 @@ def sweep(whole: Fit, superset: Composite, subsets: Sequence[tuple[int, ...]], *
         The model without estimates, and the positions of the components of each sub-model.
     key
         As of `fit`.
+    advance
+        Called with the number of sub-models fitted since the last call.
     """
     wv, omega = whole.wv, whole.omega
     weights = whole.weights if whole.weights.first is None else Given(omega)
@@ -109,7 +118,8 @@ def sweep(whole: Fit, superset: Composite, subsets: Sequence[tuple[int, ...]], *
     y = whitener @ wv.variance
     unit = float(np.max(np.abs(y))) / SIZE
     data = y / unit, whitener / unit, wv.scales, problem.bounds, problem.shapes, problem.held
-    found = _in_chunks(partial(_minimise_all, problem.layout, data), placements, nodes, present, size=_CHUNK)
+    call = partial(_minimise_all, problem.layout, data)
+    found = _in_chunks(call, placements, nodes, present, size=_CHUNK, advance=advance)
     fits = []
     for m, (part, place) in enumerate(zip(parts, places, strict=True)):
         own = Solution(*(leaf[m] for leaf in found))

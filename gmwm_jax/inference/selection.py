@@ -25,7 +25,7 @@ from gmwm_jax._internal.chi_square import chi_square
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
-from gmwm_jax._internal.progress import Progress, progress_bar
+from gmwm_jax._internal.progress import Bar, Progress, progress_bar
 from gmwm_jax._internal.quantiles import normal_quantile
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -320,8 +320,8 @@ def select(
     key
         For the replicates.
     progress
-        Show a bar of the replicates (needs the extra ``app``); or a function of what is done and the total, which may
-        cancel by raising.
+        Show a bar of what is fitted (needs the extra ``app``): every model, its replicates, and the test of every model,
+        of all channels together; or a function of what is done and the total, which may cancel by raising.
 
     Returns
     -------
@@ -360,9 +360,13 @@ def select(
     superset, subsets = _candidates(models, nested)
     wv = as_wavelet_variance(data, "select")
     wv.require_theory("Criteria")
-    found = fit(wv, superset, rate=rate, weights=weights, level=level)
-    fits = (found,) if isinstance(found, Fit) else tuple(found.values())
-    selections = tuple(_select(f, superset, subsets, num_replicates, key, progress) for f in fits)
+    bar = progress_bar(len(wv.channels) * len(subsets) * (2 + num_replicates), "fit", progress)
+    try:
+        found = fit(wv, superset, rate=rate, weights=weights, level=level)
+        fits = (found,) if isinstance(found, Fit) else tuple(found.values())
+        selections = tuple(_select(f, superset, subsets, num_replicates, key, bar) for f in fits)
+    finally:
+        bar.close()
     return selections[0] if isinstance(wv, WaveletVariance) else Channels.of(wv.channels, selections)
 
 
@@ -380,20 +384,20 @@ def _candidates(models: Model | Sequence[Model], nested: bool) -> tuple[Composit
 
 
 def _select(
-    whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, progress: Progress
+    whole: Fit, superset: Composite, subsets: list[Subset], num_replicates: int, key: Any, bar: Bar
 ) -> Selection:
     # the covariance that the weights are the inverse of is that of the fit before
     V = np.linalg.inv(whole.omega) if whole.weights.inverts_covariance else whole.wv_covariance
     if V is None:
         raise ValueError(f"There is no theory of the scatter of {superset}: leave SIN out, or take it off the record.")
-    swept = sweep(whole, superset, subsets)
+    swept = sweep(whole, superset, subsets, advance=bar.update)
     fits = swept.fits
     L = whole.whitener  # L' of the formulas
     S = L @ V @ L.T
     projections = [projection(L @ tangents(f)) for f in fits]
     residuals = [f.whitened_residuals for f in fits]
     if num_replicates:
-        lacks = _optimism_of_replicates(whole, V, swept, num_replicates, key, progress)
+        lacks = _optimism_of_replicates(whole, V, swept, num_replicates, key, bar)
     else:
         lacks = np.array([optimism(P, S) for P in projections])
     names = [text_of(Composite([superset.processes[i] for i in s])) for s in subsets]
@@ -409,6 +413,7 @@ def _select(
     z, best = normal_quantile(whole.level), order[0]
     candidates = []
     for at, m in enumerate(order):
+        bar.update(1)
         better = [b for b in order[:at] if sound[b] and criteria[m] - criteria[b] > z * error(m, b)]
         # what a model without a random walk claims of the longest spans, only its own covariance knows
         tested, own = fits[m], V
@@ -450,15 +455,11 @@ def _own_covariance(whole: Fit, fit: Fit) -> Float[np.ndarray, "J J"]:
 
 
 def _optimism_of_replicates(
-    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, progress: Progress
+    whole: Fit, V: np.ndarray, swept: Sweep, num: int, key: Any, bar: Bar
 ) -> Float[np.ndarray, " M"]:
     """Twice the covariance of measured and fitted wavelet variance, over replicates of the superset."""
     nu = theory_draws(whole.model, whole.wv, V)(numbered_keys(key, range(num)))
-    bar = progress_bar(len(swept.fits) * num, "fit", progress)
-    try:
-        fitted = swept.again(nu, bar.update)
-    finally:
-        bar.close()
+    fitted = swept.again(nu, bar.update)
     L = whole.whitener
     z, moved = (nu - nu.mean(axis=0)) @ L.T, (fitted - fitted.mean(axis=1, keepdims=True)) @ L.T
     return 2 * np.sum(z * moved, axis=(1, 2)) / (num - 1)

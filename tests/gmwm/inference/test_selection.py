@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from drawn import assert_shows
+from helpers import Told
 from programs import FAINT, LARGE, drawn_channels
 from scipy.special import chdtrc
 
@@ -152,7 +153,9 @@ def test_a_weak_random_walk_is_not_left_out():
 @pytest.mark.slow
 def test_optimism_by_replicates(data):
     """Near to twice the number of parameters, as far as 20 replicates can tell; more are drawn in tests/validation."""
-    s = gj.select(data["2"], SUPERSET, num_replicates=20, key=jax.random.key(4))
+    told = Told()
+    s = gj.select(data["2"], SUPERSET, num_replicates=20, key=jax.random.key(4), progress=told)
+    told.assert_whole(15 * (1 + 20 + 1))
     c = s["WN + GM"]
     assert 0 < c.optimism < 6 * c.num_parameters
     assert s.num_replicates == 20
@@ -175,6 +178,15 @@ def test_text_and_json(data, selection):
     assert "Model selections, of 15 models each" in repr(several)
     with pytest.raises(KeyError, match="No channel '7'"):
         several["7"]
+
+
+def test_progress_is_told_and_cancels(data, selection):
+    told = Told()
+    same = gj.select(data["0"], SUPERSET, progress=told)
+    assert repr(same) == repr(selection)
+    told.assert_whole(15 * 2, at_least=10)
+    with pytest.raises(LookupError, match="enough"):
+        gj.select(data["0"], SUPERSET, progress=Told(20))
 
 
 def test_figure(selection):
