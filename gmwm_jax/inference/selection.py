@@ -320,8 +320,8 @@ def select(
     key
         For the replicates.
     progress
-        Show a bar of what is fitted (needs the extra ``app``): every model, its replicates, and the test of every model,
-        of all channels together; or a function of what is done and the total, which may cancel by raising.
+        Show a bar of what is fitted (needs the extra ``app``): every model, its replicates, and the test of every
+        model, of all channels together; or a function of what is done and the total, which may cancel by raising.
 
     Returns
     -------

@@ -9,7 +9,7 @@ import pytest
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.server import Running
 
-WAIT = 60_000
+WAIT = 15_000
 """Milliseconds: of a first compilation on a busy machine too."""
 
 
@@ -22,7 +22,7 @@ def base_of_temporary_folders(tmp_path_factory):
 @pytest.fixture(scope="session")
 def server():
     """The one server of this process that serves pages: a lock of the framework belongs to its loop of events."""
-    with Running(port=0, limits=Limits(upload=2_000_000, idle=120.0)) as running:
+    with Running(port=0, limits=Limits(upload=2_000_000, idle=120.0, pasted=20_000)) as running:
         yield running
 
 

@@ -48,6 +48,18 @@ def entries() -> tuple[Entry, ...]:
     )
 
 
+def source() -> str:
+    """Say where the published wavelet variances are from, and what of it is here.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import library
+    >>> "imudata" in library.source()
+    True
+    """
+    return f"{_table()['source']} Only these numbers are here; the recordings are there, under its terms."
+
+
 def published(sensor: str) -> WaveletVariances:
     """Return the published wavelet variances of a sensor, in SI.
 

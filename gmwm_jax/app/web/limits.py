@@ -33,6 +33,12 @@ class Limits:
     """For reading a file."""
     read_memory: int = 4 << 30
     """Bytes that the reader may take, and a file may unfold to."""
+    pasted: int = 200_000
+    """Characters of pasted values."""
+    saved: int = 8_000_000
+    """Bytes of a saved page."""
+    records: int = 20
+    """Of a sensor, that are fitted together."""
     samples: int = 2_000_000
     """Of a simulated record."""
     channels: int = 12

@@ -24,6 +24,22 @@ class Simulated(NamedTuple):
     seed: int
 
 
+class Drawn(NamedTuple):
+    """A recording of one channel that is drawn from a model of one's own."""
+
+    model: str
+    num_samples: int
+    seed: int
+    rate: float
+    unit: str
+
+
+class Stored(NamedTuple):
+    """A wavelet variance in a file that it saved, beside the Python file."""
+
+    name: str
+
+
 class Public(NamedTuple):
     """A public recording, see `gmwm_jax.datasets.load`."""
 
@@ -41,7 +57,7 @@ class OwnFile(NamedTuple):
 class Analysis(NamedTuple):
     """All that decides the numbers on the page."""
 
-    source: Published | Simulated | Public | OwnFile
+    source: Published | Simulated | Drawn | Public | OwnFile | Stored
     channels: tuple[str, ...]
     model: str
     masked: bool = False
@@ -124,6 +140,8 @@ def command(analysis: Analysis) -> str:
     _check(analysis)
     for wrong, what in (
         (isinstance(analysis.source, Published), "published wavelet variances"),
+        (isinstance(analysis.source, Stored), "wavelet variances without samples"),
+        (isinstance(analysis.source, Drawn), "recordings of models of your own"),
         (analysis.masked, "masked outliers"),
         (bool(analysis.bootstrap) and analysis.route != "variances", "replicates of records"),
     ):
@@ -143,7 +161,7 @@ def command(analysis: Analysis) -> str:
                 if value is not None:
                     given += [f"--{key.replace('_', '-')}", _option(value)]
         case _:
-            raise AssertionError  # `Published` has been refused
+            raise AssertionError  # the others have been refused
     given += ["--channels", ",".join(analysis.channels)]
     given += ["--level", str(analysis.level)] * (analysis.level != 0.95)
     if analysis.efficiency is not None:
@@ -162,9 +180,9 @@ def command(analysis: Analysis) -> str:
 def _check(analysis: Analysis) -> None:
     if not analysis.channels:
         raise ValueError("There is no channel to fit.")
-    if isinstance(analysis.source, Published) and (analysis.masked or analysis.efficiency is not None):
+    if isinstance(analysis.source, Published | Stored) and (analysis.masked or analysis.efficiency is not None):
         raise ValueError(
-            "Of published wavelet variances there are no samples: no outliers to mask, and no robust estimate."
+            "Of published and saved wavelet variances there are no samples: no outliers to mask, no robust estimate."
         )
 
 
@@ -173,6 +191,12 @@ def _data(analysis: Analysis) -> list[str]:
     match analysis.source:
         case Published(sensor):
             return [f"wv = library.published({sensor!r})"]
+        case Stored(name):
+            return [f"wv = gj.load({name!r})"]
+        case Drawn(model, num, seed, rate, unit):
+            drawn = f"gj.simulate(gj.parse_model({model!r}), {num}, key=jax.random.key({seed}))"
+            given = f"rate={rate}, units={unit!r}, channels={list(analysis.channels)!r}"
+            read = f"gj.Recording.from_array({drawn}, {given})"
         case Simulated(sensor, num, seed):
             read = f"gj.datasets.simulated({sensor!r}, {num}, key=jax.random.key({seed}))"
         case Public(name):

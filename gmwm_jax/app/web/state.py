@@ -6,7 +6,7 @@ from urllib.parse import urlencode
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
-Source = Literal["published", "simulated", "public", "file"]
+Source = Literal["published", "simulated", "public", "file", "saved"]
 MAX_QUERY = 2000
 """Characters of a link."""
 
@@ -23,7 +23,7 @@ class State(BaseModel):
     ('seed=3', 3)
     """
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
     room: str = Field("data", max_length=20)
     source: Source = "simulated"
@@ -31,6 +31,10 @@ class State(BaseModel):
     sensor: str = Field("mti-g", max_length=40)
     samples: int = Field(100_000, ge=1000, le=2_000_000, title="Samples")
     seed: int = Field(0, ge=0, le=2**31 - 1, title="Seed")
+    own: str = Field("", max_length=300, title="A model of your own")
+    """To be simulated in place of a sensor."""
+    own_rate: float = Field(100.0, gt=0, le=1e6, title="Its sampling rate")
+    own_unit: Literal["rad/s", "m/s^2"] = "rad/s"
     dataset: str = Field("", max_length=60)
     rate: float | None = Field(None, gt=0, le=1e6, title="Sampling rate")
     units: str = Field("", max_length=100, title="Unit")
@@ -52,7 +56,7 @@ class State(BaseModel):
     compare: bool = False
     every: bool = True
     unit: Literal["si", "deg_s", "deg_h"] = "si"
-    datasheet: str = Field("", max_length=300, title="Datasheet")
+    datasheet: str = Field("", max_length=500, title="Datasheet")
 
     boxes: str = Field("WN", max_length=40)
     """Of processes, joined by commas."""
@@ -63,15 +67,26 @@ class State(BaseModel):
     weights: Literal["default", "two-step", "covariance"] = "default"
     residuals: bool = True
 
+    level: float = Field(0.95, ge=0.5, le=0.999, title="Confidence")
     replicates: int = Field(500, ge=20, le=5000, title="Replicates")
     route: Literal["variances", "records"] = "variances"
     draw_seed: int = Field(0, ge=0, le=2**31 - 1, title="Seed of the draws")
     superset: str = Field("QN + WN + RW + 2*GM", max_length=300, title="The largest model")
 
+    nested: bool = True
+    """Rank all parts of that model; or only the models in it, with semicolons between them."""
+    tests: int = Field(200, ge=20, le=2000, title="Draws of the test")
+    """Of near-stationarity."""
+
     target: str = Field("kalibr", max_length=20)
     value: float = Field(0.15, title="Value")
     unit_from: str = Field("deg/sqrt(h)", max_length=40, title="From")
     unit_to: str = Field("rad/s/sqrt(Hz)", max_length=40, title="To")
+    process: Literal["WN", "RW", "DR", "QN", "GM"] = "WN"
+    way: Literal["filter", "samples"] = "filter"
+    numbers: str = Field("4.926494e-05", max_length=100, title="Its numbers")
+    process_rate: float = Field(100.0, gt=0, le=1e6, title="Rate")
+    signal: Literal["rad/s", "m/s^2"] = "rad/s"
 
     def to_query(self) -> str:
         """Write what differs from the defaults as the query of a link; empty where it would be too long."""

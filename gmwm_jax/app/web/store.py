@@ -1,26 +1,37 @@
 """What a page knows: its inputs, the recording, wavelet variances; each belongs to the inputs that it is of."""
 
 import asyncio
+import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import jax
+import numpy as np
 import plotly.graph_objects as go
-from shiny import Inputs, reactive
+from shiny import Inputs, reactive, ui
 from shiny.session import Session
 
 import gmwm_jax as gj
 from gmwm_jax.app.web.computed import Computed, Outcome
 from gmwm_jax.app.web.frames import themed
 from gmwm_jax.app.web.jobs import Jobs
-from gmwm_jax.app.web.library import published
+from gmwm_jax.app.web.library import published, source
 from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.saved import Fitted, Page, read
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.uploads import read_upload
 from gmwm_jax.app.web.words import in_words_of_the_page
-from gmwm_jax.variance.wavelet import WaveletVariances
+from gmwm_jax.processes.base import Composite
+from gmwm_jax.variance.wavelet import AbstractWaveletVariance, WaveletVariance
+
+PASTED = "pasted.csv"
+"""The file that pasted values are."""
+NO_SAMPLES = "There are no samples: no series, no robust estimate, no outliers."
+OWN = "own"
+"""Name of the channel that a model of the user's own is."""
 
 
 class File(NamedTuple):
@@ -36,7 +47,9 @@ class Shown(NamedTuple):
     recording: "gj.Recording | None"
     """None: there is nothing but wavelet variances."""
     remarks: tuple[str, ...] = ()
-    published: WaveletVariances | None = None
+    published: AbstractWaveletVariance | None = None
+    truth: Mapping[str, Composite] = {}
+    """Of channels that are simulated: the model that they were drawn from."""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -51,7 +64,10 @@ class Shown(NamedTuple):
             rec = self.recording
             return f"{rec.name or 'recording'}: {len(rec)} samples at {rec.rate:g} Hz, {rec.duration:g} s"
         wv = self.published
-        return "" if wv is None else f"{wv.name}: {wv.num_samples} samples at {wv.rate:g} Hz, of which none are here"
+        if wv is None:
+            return ""
+        rate = f" at {wv.rate:g} Hz" if wv.rate else ""
+        return f"{wv.name or 'wavelet variance'}: {wv.num_samples} samples{rate}, of which none are here"
 
 
 class Part(NamedTuple):
@@ -67,9 +83,10 @@ class Part(NamedTuple):
 
 _OF_SOURCE: dict[str, tuple[str, ...]] = {
     "published": ("source", "published"),
-    "simulated": ("source", "sensor", "samples", "seed"),
+    "simulated": ("source", "sensor", "samples", "seed", "own", "own_rate", "own_unit"),
     "public": ("source", "dataset"),
     "file": ("source", "rate", "units", "time", "columns", "delimiter", "header", "gaps"),
+    "saved": ("source",),
 }
 """Inputs that a recording depends on."""
 
@@ -112,12 +129,51 @@ class Store:
         self.parts: dict[str, Callable[[], Part | None]] = {}
         self.jobs = Jobs(session, queue, limits.job_seconds, in_words_of_the_page)
         self.file: reactive.Value[File | None] = reactive.Value(None)
+        self.saved: reactive.Value[Page | None] = reactive.Value(None)
+        self.fits: reactive.Value[tuple[Fitted, ...]] = reactive.Value(())
+        self.records: reactive.Value[tuple[WaveletVariance, ...]] = reactive.Value(())
         self.state = reactive.calc(self._state)
         self.recording: Computed[Key, Shown] = self.computed(self._recording_key, self._record, "reading ..")
         self.variance: Computed[Key, Any] = self.computed(self._variance_key, self._vary, "computing the variance ..")
         self.robust: Computed[Key, Any] = self.computed(
             self._robust_key, self._vary_robustly, "computing the robust variance .."
         )
+
+    def take_text(self, text: str) -> None:
+        """Take pasted values as the file that they would be.
+
+        Raises
+        ------
+        ValueError
+            There are too many characters, or none.
+        """
+        if not text.strip():
+            raise ValueError("There is nothing to take: paste a column of numbers, or several with commas.")
+        if len(text) > self.limits.pasted:
+            raise ValueError(f"Pasted values have at most {self.limits.pasted} characters: send more as a file.")
+        folder = tempfile.mkdtemp(prefix="pasted-")
+        self._session.on_ended(lambda: shutil.rmtree(folder, ignore_errors=True))
+        path = Path(folder) / PASTED
+        path.write_text(text)
+        self.file.set(File(str(path), PASTED))
+
+    def restore(self, page: Page) -> None:
+        """Set all inputs as a saved page has them; the room stays, from which on one looks around."""
+        self.saved.set(page)
+        self.fits.set(page.fits)
+        with reactive.isolate():
+            lists = {n for n in self._states.model_fields if n in self._input and not _is_plain(self._input[n]())}
+        for name, value in page.state.model_dump(exclude={"room"}).items():
+            if name in lists:
+                value = value.split(",")
+            if name == "channel":  # there is none in the list before there is a recording
+                ui.update_select(name, choices=[value], selected=value, session=self._session)
+            else:
+                self._session.send_input_message(name, {"value": "" if value is None else value})
+
+    def loaded(self, content: bytes, name: str) -> Page:
+        """Read a saved page, see `gmwm_jax.app.web.saved.read`."""
+        return read(content, name, self.limits, self._states)
 
     async def in_thread(self, work: Callable[[], T]) -> T:
         """Compute something once, among what threads compute for all pages."""
@@ -148,19 +204,39 @@ class Store:
         if state.source == "file":
             file = self.file()
             return None if file is None else (*chosen, state.outliers, file)
+        if state.source == "saved":
+            page = self.saved()
+            return None if page is None else (*chosen, Same(page), state.outliers)
         if state.source == "public" and not state.dataset:
             return None
         return (*chosen, state.outliers)
 
+    def _drawn(
+        self, own: str, samples: int, seed: int, rate: float, unit: str
+    ) -> tuple["gj.Recording", dict[str, Composite]]:
+        """A recording of a model of the user's own."""
+        model = gj.parse_model(own)
+        self.limits.require_model(model)
+        drawn = gj.simulate(model, samples, key=jax.random.key(seed))
+        options: Any = {"rate": rate, "units": unit, "channels": [OWN], "name": "simulated model of your own"}
+        return gj.Recording.from_array(np.asarray(drawn), **options), {OWN: model}
+
     def _record(self, key: Key) -> Shown:
+        truth: Mapping[str, Composite] = {}
         match key:
             case ("published", name, *_):
                 wv = published(name)
-                return Shown(None, (repr(wv), "There are no samples: no series, no robust estimate, no outliers."), wv)
-            case ("simulated", sensor, samples, seed, *_):
+                return Shown(None, (repr(wv), NO_SAMPLES, source()), wv)
+            case ("saved", Same(value=page), *_):
+                return Shown(None, (repr(page.variance), NO_SAMPLES, "It is that of a saved page."), page.variance)
+            case ("simulated", sensor, samples, seed, own, rate, unit, *_):
                 if samples > self.limits.samples:
                     raise ValueError(f"Samples: this server draws at most {self.limits.samples}.")
-                recording = gj.datasets.simulated(sensor, samples, key=jax.random.key(seed))
+                if own.strip():
+                    recording, truth = self._drawn(own.strip(), samples, seed, rate, unit)
+                else:
+                    recording = gj.datasets.simulated(sensor, samples, key=jax.random.key(seed))
+                    truth = gj.datasets.sensor_models(sensor)
             case ("public", name, *_):
                 recording = gj.datasets.load(name)
             case (_, rate, units, time, columns, delimiter, header, gaps, _, File(path, name)):
@@ -169,8 +245,8 @@ class Store:
         remarks = () if recording.understood is None else (str(recording.understood),)
         if (key[-2] if key[0] == "file" else key[-1]) == "mask":
             masked = gj.recordings.mask_outliers(recording)
-            return Shown(masked.recording, (*remarks, str(masked)))
-        return Shown(recording, remarks)
+            return Shown(masked.recording, (*remarks, str(masked)), truth=truth)
+        return Shown(recording, remarks, truth=truth)
 
     def _known(self) -> Shown | None:
         """The recording of the present inputs, if it is there."""
@@ -186,7 +262,7 @@ class Store:
         of, efficiency = key
         if of.value.published is not None:
             if efficiency is not None:
-                raise ValueError("Published wavelet variances have no samples, and so no robust estimate.")
+                raise ValueError(f"{NO_SAMPLES} Take the classic estimator.")
             return of.value.published
         return gj.wavelet_variance(of.value.recording, efficiency=efficiency)
 
@@ -198,6 +274,11 @@ class Store:
 
     def _vary_robustly(self, key: Key) -> Any:
         return self._vary(key)
+
+    def truth(self) -> Composite | None:
+        """Return the model that the channel was drawn from, if it was; reactive."""
+        shown, channel = self._known(), self.channel()
+        return None if shown is None or channel is None else shown.truth.get(channel)
 
     def channel(self) -> str | None:
         """Return the channel that is looked at; reactive."""
@@ -247,6 +328,11 @@ def reading_options(
         "header": header,
         "gaps": gaps,
     }
+
+
+def _is_plain(value: Any) -> bool:
+    """Is it none of several that are ticked?"""
+    return not isinstance(value, list | tuple)
 
 
 def _one_or_pairs(text: str) -> str | dict[str, str]:

@@ -58,6 +58,21 @@ def recording(rec: Recording) -> Table:
     return Table(columns, ("",) * 8, rows, text)
 
 
+def preview(rec: Recording, rows: int = 5) -> Table:
+    """Tabulate the first samples of a recording.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import tables
+    >>> tables.preview(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"])).columns
+    ('time', 'accel_x')
+    """
+    shown = min(rows, len(rec))
+    first = [(float(i / rec.rate), *map(float, rec.data[i])) for i in range(shown)]
+    columns, units = ("time", *rec.channels), ("s", *rec.units)
+    return Table(columns, units, tuple(first), f"The first {shown} of {len(rec)} samples")
+
+
 def scales(wv: AbstractWaveletVariance) -> Table:
     """Tabulate a wavelet variance: a row a scale and channel.
 

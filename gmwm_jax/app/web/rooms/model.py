@@ -1,7 +1,7 @@
 """A model for the channel that is looked at, fitted anew at every change."""
 
 import re
-from typing import Any, NamedTuple
+from typing import Any
 
 import plotly.graph_objects as go
 from htmltools import Tag
@@ -14,6 +14,7 @@ from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import output_figure, render_figure, status, text
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.rooms.variance import promised
+from gmwm_jax.app.web.saved import Fitted
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Same, Store
 
@@ -30,15 +31,6 @@ _MAX_HISTORY = 30
 _VALUE = re.compile(r"(=\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?)(?!\S*\s+fixed)(?=\s*[,)])")
 
 
-class _Fitted(NamedTuple):
-    """One line of the table of fits."""
-
-    model: str
-    channel: str
-    objective: float
-    chance: float | None
-
-
 def model_of(state: State) -> str:
     """Write the model that the boxes, or the text in their place, are.
 
@@ -50,7 +42,8 @@ def model_of(state: State) -> str:
     Examples
     --------
     >>> from gmwm_jax.app.web.rooms.model import model_of
-    >>> from gmwm_jax.app.web.state import State
+    >>> from gmwm_jax.app.web.saved import Fitted
+    from gmwm_jax.app.web.state import State
     >>> model_of(State(boxes="WN,GM", gm=2))
     'WN + 2*GM'
     >>> model_of(State(model="WN(sigma2=1e-5) + RW", hold=True))
@@ -98,20 +91,20 @@ def _ui(state: State, limits: Limits) -> Tag:
 
 
 def _server(input: Inputs, store: Store) -> None:
-    fits: reactive.Value[tuple[_Fitted, ...]] = reactive.Value(())
+    fits = store.fits
 
     def key() -> Any:
         wv, channel, state = store.variance().value, store.channel(), store.state()
         if wv is None or channel is None or store.recording().value is None:
             return None
-        return Same(wv), channel, model_of(state), state.weights
+        return Same(wv), channel, model_of(state), state.weights, state.level
 
     def work(key: Any) -> Any:
-        wv, channel, text_of_model, weights = key
+        wv, channel, text_of_model, weights, level = key
         model = gj.parse_model(text_of_model)
         store.limits.require_model(model)
         one = wv.value[channel] if len(wv.value.channels) > 1 else wv.value
-        return gj.fit(one, model, weights=weights, throw=False)
+        return gj.fit(one, model, weights=weights, level=level, throw=False)
 
     fit = store.computed(key, work, "fitting .. (a model that is new to the server is compiled once, some seconds)")
 
@@ -127,7 +120,7 @@ def _server(input: Inputs, store: Store) -> None:
         test = found.chi_square
         return (
             repr(found),
-            _Fitted(asked, found.wv.channels[0], found.objective, None if test is None else test.p_value),
+            Fitted(asked, found.wv.channels[0], found.objective, None if test is None else test.p_value),
             found.warnings,
         )
 

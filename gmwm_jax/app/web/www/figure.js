@@ -76,6 +76,17 @@
     if (button) Shiny.setInputValue("take", button.dataset.take, { priority: "event" });
   });
 
+  // values from the clipboard, which are no message that the server would refuse
+  document.addEventListener("click", function (event) {
+    const button = event.target.closest("[data-paste]");
+    if (!button) return;
+    const field = document.querySelector(".gmwm-pasted"), told = document.getElementById("too_long");
+    const most = Number(button.dataset.most);
+    told.textContent = field.value.length > most
+      ? "These are " + field.value.length + " characters, and at most " + most + " are taken: send more as a file." : "";
+    if (!told.textContent) Shiny.setInputValue(button.dataset.paste, field.value, { priority: "event" });
+  });
+
   // before the framework's own listener
   document.addEventListener("change", function (event) {
     const field = event.target;
