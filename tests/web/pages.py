@@ -31,3 +31,11 @@ def enter(page, id, value):
 def go_to(page, room):
     """Open a room."""
     page.locator(f'.navbar a[data-value="{room}"]').click()
+
+
+def until(true, *, wait=60.0):
+    """Wait until something is so."""
+    end = time.monotonic() + wait
+    while not true():
+        assert time.monotonic() < end, "it did not become so"
+        time.sleep(0.05)

@@ -3,11 +3,12 @@
 import jax
 import numpy as np
 import pytest
-from web.pages import curves, drawn, enter, go_to
+from web.pages import curves, drawn, enter, go_to, until
 
 import gmwm_jax as gj
 
 CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+NUM_FRAMES = "() => Object.keys(variances._fullLayout).filter(key => key.startsWith('xaxis')).length"
 
 
 @pytest.fixture(scope="module")
@@ -54,15 +55,17 @@ def test_the_variance_is_that_of_the_library(open_page):
     np.testing.assert_allclose(y, wv[-1].variance if len(CHANNELS) > 1 else wv[0].variance, rtol=1e-12)
     before = drawn(page, "variances")
     page.locator("#every").click()
+    until(lambda: page.evaluate(NUM_FRAMES) == 1)
     after = drawn(page, "variances", after=before)
     np.testing.assert_allclose(curves(page, "variances")["wavelet variance"][1], wv[0].variance, rtol=1e-12)
     page.locator("#allan").click()
+    until(lambda: "Allan variance" in curves(page, "variances"))
     after = drawn(page, "variances", after=after)
     x, y = curves(page, "variances")["Allan variance"]
     np.testing.assert_allclose(x, wv.times / 2, rtol=1e-12)
     np.testing.assert_allclose(y, 2 * wv[0].variance, rtol=1e-12)
     enter(page, "datasheet", "N=0.15 deg/sqrt(h)")
-    drawn(page, "variances", after=after)
+    until(lambda: "datasheet" in curves(page, "variances"))
     promised, _ = gj.from_datasheet({"N": "0.15 deg/sqrt(h)"}, wv.rate)
     shown = curves(page, "variances")["datasheet"][1]
     np.testing.assert_allclose(shown, 2 * np.asarray(promised.wavelet_variance(wv.scales)), rtol=1e-12)
@@ -202,5 +205,4 @@ def test_no_room_is_wider_than_the_page(open_page, size, scheme):
     drawn(page, "variances")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= size[0]
     assert page.evaluate("() => document.documentElement.dataset.bsTheme") == scheme
-    count = "() => Object.keys(variances._fullLayout).filter(key => key.startsWith('xaxis')).length"
-    assert page.evaluate(count) == (1 if size[0] < 560 else 6)
+    assert page.evaluate(NUM_FRAMES) == (1 if size[0] < 560 else 6)

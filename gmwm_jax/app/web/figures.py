@@ -12,13 +12,16 @@ import plotly.graph_objects as go
 from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Histogram, Item, Line, Mark, Points, Span
 from gmwm_jax._internal.palette import COLOURS
 from gmwm_jax.app.web.frames import DASHES, FAINT, GREY, SYMBOLS, Style, figure_of
+from gmwm_jax.app.web.truth import beside
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.tables import Estimate
 from gmwm_jax.inference.bootstrapping import Bootstrap
 from gmwm_jax.inference.intervals import replicates_needed
 from gmwm_jax.inference.selection import Selection
+from gmwm_jax.multisignal.joint import JointFit
 from gmwm_jax.plotting.fitting import fit_data
 from gmwm_jax.plotting.inference import bootstrap_data, selection_data
+from gmwm_jax.plotting.multisignal import joint_fit_data
 from gmwm_jax.plotting.recordings import recording_data
 from gmwm_jax.processes.base import Composite
 from gmwm_jax.processes.datasheet import Datasheet
@@ -264,12 +267,12 @@ def intervals(fit: Fit, bootstrap: Bootstrap | None, *, truth: str | Composite |
     bootstrap
         Its replicates, or None: theory alone.
     truth
-        The model that was simulated, of the same components in the same order, to be marked.
+        The model that was simulated, to be marked where a parameter has a true value, see `gmwm_jax.app.web.truth`.
 
     Raises
     ------
     ValueError
-        A truth of other components.
+        A truth of which the fit has no component.
 
     Examples
     --------
@@ -293,12 +296,14 @@ def intervals(fit: Fit, bootstrap: Bootstrap | None, *, truth: str | Composite |
     items.append(Mark("estimate", 1.0))
     if truth is not None:
         model = as_model(truth)
-        if [p.kind for p in model.processes] != [p.kind for p in fit.model.processes]:
+        if not {p.kind for p in model.processes} & {p.kind for p in fit.model.processes}:
             raise ValueError(f"The truth is {model}, and what was fitted is {' + '.join(fit.model.labels)}.")
-        known = np.array([float(v) for p in model.processes for v in p.values])[kept]
-        items.append(Points("truth", known / values, rows))
+        known = np.array(beside(fit.model, model))[kept]
+        some = known > 0
+        items.append(Points("truth", known[some] / values[some], rows[some]))
     bars = [item for item in items if isinstance(item, Bars)]
-    ends = np.concatenate([end for item in bars for end in (item.low, item.high)])
+    marked = [item.x for item in items if isinstance(item, Points)]
+    ends = np.concatenate([*marked, *(end for item in bars for end in (item.low, item.high))])
     wide = float(ends.max()) > 3
     if wide:  # the axis has no place for an interval that begins at zero
         floor = min(1.0, float(ends[ends > 0].min())) / 3
@@ -314,6 +319,42 @@ def intervals(fit: Fit, bootstrap: Bootstrap | None, *, truth: str | Composite |
         return Style(_OTHER if i else _FIT, symbol=SYMBOLS[4 if i else 0], width=2.5)
 
     return figure_of([frame], style, height=170 + 46 * len(kept))
+
+
+def joint(joint: JointFit) -> go.Figure:
+    """Draw the wavelet variances of several records with their joint fit; below, the residuals of each.
+
+    Parameters
+    ----------
+    joint
+        Of one channel.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import figures
+    >>> keys = jax.random.split(jax.random.key(0), 3)
+    >>> records = [gj.datasets.simulated("mti-g", 2000, key=key, channels=["accel_x"]) for key in keys]
+    >>> units = [gj.wavelet_variance(rec) for rec in records]
+    >>> figures.joint(gj.fit_records(units, "WN + RW")).layout.yaxis2.title.text
+    'residual [half CI]'
+    """
+    above, below = joint_fit_data(joint)
+    others = (_DATA, *COLOURS[2:])
+
+    def style(frame: Frame, i: int, item: Item) -> Style:
+        match item:
+            case Band():
+                return Style(_FIT)
+            case Span():
+                return Style(_DATA, opacity=0.12)
+            case Mark():
+                return Style(FAINT, width=1)
+        if item is above.items[-1]:
+            return Style(_FIT, width=4)
+        first = sum(not isinstance(other, Line) for other in frame.items)  # what is of no record comes before them
+        return Style(others[(i - first) % len(others)], width=1, symbol=SYMBOLS[(i - first) % len(SYMBOLS)])
+
+    return figure_of([above, below], style, heights=(3.0, 1.0), shared_x=True, height=640)
 
 
 def replicates(bootstrap: Bootstrap) -> go.Figure:

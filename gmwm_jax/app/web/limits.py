@@ -47,6 +47,8 @@ class Limits:
     """Of a model."""
     gauss_markov: int = 5
     """Of them."""
+    ranked: int = 200
+    """Models of a ranking."""
     job_seconds: float = 600.0
     """For replicates or a ranking; what is done by then is kept."""
 

@@ -11,12 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmwm_jax.app.web.truth import beside
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.slopes import read_off
 from gmwm_jax.fitting.tables import EstimateTable
 from gmwm_jax.inference.bootstrapping import Bootstrap
+from gmwm_jax.inference.goodness import goodness_of_fit
 from gmwm_jax.inference.intervals import replicates_needed
 from gmwm_jax.inference.selection import Selection
+from gmwm_jax.processes.base import Composite
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.allan import allan_deviation
 from gmwm_jax.variance.wavelet import AbstractWaveletVariance
@@ -122,8 +125,15 @@ def readings(wv: AbstractWaveletVariance) -> Table:
     return whole._replace(columns=("channel", *whole.columns[1:]), rows=rows)
 
 
-def estimates(fit: Fit) -> Table:
+def estimates(fit: Fit, truth: Composite | None = None) -> Table:
     """Tabulate the parameters of a fit per sample, with the objective and the test of fit below.
+
+    Parameters
+    ----------
+    fit
+        Of one channel.
+    truth
+        The model that was simulated, whose values stand beside the estimates; none for a record of a sensor.
 
     Examples
     --------
@@ -134,7 +144,37 @@ def estimates(fit: Fit) -> Table:
     """
     table = _of_estimates(fit.parameters())
     below = [f"objective {fit.objective:.8g} ({fit.weights.name} weights); {fit.search}", *fit.verdict]
-    return table._replace(text="\n".join([table.text, *below]))
+    table = table._replace(text="\n".join([table.text, *below]))
+    if truth is None:
+        return table
+    known = beside(fit.model, truth)
+    rows = tuple((*row[:2], value, *row[2:]) for row, value in zip(table.rows, known, strict=True))
+    columns = (*table.columns[:2], "truth", *table.columns[2:])
+    return Table(columns, ("",) * len(columns), rows, f"{table.text}\nsimulated: {truth}")
+
+
+def goodness(fit: Fit) -> Table:
+    """Tabulate where a fit misses its data: a row a scale, the test over all of them below.
+
+    Raises
+    ------
+    ValueError
+        See `gmwm_jax.goodness_of_fit`.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import tables
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["accel_x"]))
+    >>> tables.goodness(gj.fit(wv, "WN + RW")).columns[-1]
+    'pull'
+    """
+    test, wv = goodness_of_fit(fit), fit.wv
+    numbers = zip(wv.times, wv.variance, fit.fitted, test.pulls, strict=True)
+    rows = tuple(tuple(map(float, row)) for row in numbers)
+    square = "1" if fit.unit == "1" else f"({fit.unit})^2"
+    said = f"chi-square {test.statistic:.4g} with {test.dof} degrees of freedom, p = {test.p_value:.3g}"
+    text = f"Goodness of fit of {' + '.join(fit.model.labels)}: {said}\npull: residual in its standard deviations"
+    return Table(("scale", "data", "model", "pull"), ("s" if wv.rate else "samples", square, square, ""), rows, text)
 
 
 def filter(fit: Fit) -> Table:
