@@ -9,7 +9,7 @@ import pytest
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.server import Running
 
-WAIT = 15_000
+WAIT = 60_000
 """Milliseconds: of a first compilation on a busy machine too."""
 
 
