@@ -68,6 +68,9 @@ HEAVY = ("matplotlib", "typer", "tqdm", "rdata", "pooch", "pyarrow", "xarray", "
 
 LEAVES = {"plotting", "app", "__main__"}
 
+ROOM_OF_PAGE = "app/web/"
+"""Of both packages: that of nav_jax is joined to the page of gmwm_jax, and sees its files, its command and the door."""
+
 FIGURES = "_internal/figures"
 """What the rooms `plotting` of both packages share; it imports matplotlib, and nobody else imports it."""
 
@@ -187,6 +190,10 @@ def crossing(at, file, target):
     """From nav_jax to gmwm_jax: what both share, or at the door where noise models enter."""
     if room_of(target) in SHARED:
         return []
+    if file.startswith(ROOM_OF_PAGE):
+        page = target.startswith(ROOM_OF_PAGE) and not any(part.startswith("_") for part in target.split("/")[:-1])
+        allowed = page or target in ("__init__", "app/cli")
+        return [] if allowed else [f"{at}: the page of gmwm_jax, its command and its door, nothing else"]
     if room_of(file) not in DOORS:
         return [f"{at}: only the rooms {', '.join(sorted(DOORS))} of nav_jax see gmwm_jax, others its units"]
     if not target.endswith("__init__"):
@@ -303,7 +310,9 @@ def test_every_room_says_what_lives_there():
         ("gmwm_jax/variance/_blocks.py", "def f():\n    from gmwm_jax.variance.haar import scales", "a circle"),
         ("nav_jax/filter/ekf.py", "from gmwm_jax import GM", "only the rooms aiding, imu"),
         ("nav_jax/imu/errors.py", "from gmwm_jax.variance.haar import scales", "public names only"),
+        ("nav_jax/app/web/room.py", "from gmwm_jax.variance.haar import scales", "the page of gmwm_jax, its command"),
         # what is allowed
+        ("nav_jax/app/web/room.py", "from gmwm_jax.app.web.page import ROOM\nimport gmwm_jax as gj", None),
         ("gmwm_jax/fitting/fit.py", "from gmwm_jax import units as units_", None),
         ("gmwm_jax/fitting/fit.py", "from gmwm_jax.variance.haar import scales, TAU", None),
         ("gmwm_jax/variance/other.py", "from gmwm_jax.variance._blocks import blocks", None),
@@ -329,6 +338,7 @@ def test_the_rules_see_what_they_should(tmp_path, file, source, complaint):
         "gmwm_jax/variance/_blocks.py": "def blocks(): ...",
         "gmwm_jax/plotting/fit.py": "def plot_fit(): ...",
         "gmwm_jax/app/cli.py": "app = 1",
+        "gmwm_jax/app/web/page.py": "ROOM = 1",
         "gmwm_jax/_internal/checks.py": "def x64(): ...",
         "gmwm_jax/_internal/figures.py": "import matplotlib\ndef frames(): ...",
         "gmwm_jax/processes/drift.py": "class DR: ...",

@@ -328,6 +328,7 @@ def serve_page(
     max_upload: Annotated[str, typer.Option(help="The largest file that is taken.")] = "100MB",
     workers: Annotated[int, typer.Option(min=1, max=64, help="Computations at a time.")] = 2,
     root_path: Annotated[str, typer.Option(help="Path under which a proxy shows the page.")] = "",
+    room: Annotated[str, typer.Option(hidden=True, help="In which the page opens; of other packages' commands.")] = "",
 ) -> None:
     """Open recordings, variances and models as a page in the browser, served by this machine."""
     for need in ("shiny", "plotly"):
@@ -343,7 +344,8 @@ def serve_page(
     from gmwm_jax.app.web.server import serve
 
     limits = Limits() if upload is None else Limits(upload=upload)
-    serve(host, port, typer.echo, browser=not no_browser, limits=limits, num_threads=workers, root_path=root_path)
+    serve(host, port, typer.echo, browser=not no_browser, limits=limits, num_threads=workers, root_path=root_path,
+          room=room)  # fmt: skip
 
 
 @command(app)

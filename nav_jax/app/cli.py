@@ -1,4 +1,4 @@
-"""The command line: ``nav-jax run | compare | budget | design | inspect | navigate | tune | demo``.
+"""The command line: ``nav-jax run | compare | budget | design | inspect | navigate | tune | app | demo``.
 
 A leaf: a configuration in, tables and files out.
 """
@@ -322,6 +322,18 @@ def demo(
     from nav_jax.app.demo import run_demo
 
     _tell_of_runs(run_demo(fits, out, num_runs, typer.echo, progress=True))
+
+
+@app.command(
+    "app",
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    help="Open the page in the browser at its room Navigation; options are those of gmwm-jax app.",
+)
+def page(context: typer.Context) -> None:
+    """Open the page of gmwm_jax, of which this package has a room."""
+    from nav_jax.app.web.command import open_page
+
+    open_page(context.args, context.obj)
 
 
 class _Targets(NamedTuple):

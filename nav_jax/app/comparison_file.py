@@ -103,7 +103,7 @@ def read_config(path: str | os.PathLike[str]) -> Config:
     ValueError
         No TOML; a section, key, unit or value that is wrong, by its place in the file.
     """
-    return from_toml(Path(path), _build)
+    return from_toml(Path(path), config_of)
 
 
 _FILES = ("file", "fit", "recording", "imu")
@@ -132,7 +132,29 @@ def named_files(path: Path) -> tuple[list[Path], dict[str, str]]:
     return list(files(tables)), texts
 
 
-def _build(tables: Mapping[str, Any], folder: Path) -> Config:
+def config_of(tables: Mapping[str, Any], folder: Path) -> Config:
+    """Make a comparison of the sections of a file.
+
+    Parameters
+    ----------
+    tables
+        Name of a section -> its keys, as TOML has them.
+    folder
+        Where files that they name are looked for.
+
+    Raises
+    ------
+    ValueError
+        A section, key, unit or value that is wrong, by its place in the file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from nav_jax.app.comparison_file import config_of
+    >>> truth = {"accel": "WN(sigma2=1e-4)", "gyro": "WN(sigma2=1e-8)", "rate": 20.0}
+    >>> config_of({"trajectory": {"motion": "static", "duration": "5 s"}, "truth": truth}, Path()).scenario.every
+    1
+    """
     check_sections(tables, _SECTIONS, ("trajectory", "truth"))
     # all sections are checked before the first file is read
     run = checked(RunSection, tables.get("run", {}), "[run]")

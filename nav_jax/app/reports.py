@@ -159,10 +159,10 @@ def design_report(design: Design, best: Candidate, confirmed: Comparison | None)
                 "num_states": c.num_states,
                 "pareto": id(c) in on_front,
                 "converged": c.converged,
-                "designed": {"loss": c.loss, **_judged(c.covariances), "filter": _keys(c.errors)},
+                "designed": {"loss": c.loss, **_judged(c.covariances), "filter": keys_of(c.errors)},
                 "truncated": None
                 if c.naive is None
-                else {"loss": c.loss_naive, **_judged(c.covariances_naive), "filter": _keys(c.naive)},
+                else {"loss": c.loss_naive, **_judged(c.covariances_naive), "filter": keys_of(c.naive)},
             }
             for c in design.candidates
         ],
@@ -189,7 +189,7 @@ def tuning_report(tuning: Tuning) -> Report:
         "log_likelihood_gain": tuning.loss_start - tuning.loss,
         "parameters": [dict(zip(("name", *columns), row, strict=True), held=row[0] in tuning.held) for row in rows],
         "aiding": {s.name: dict(zip(s.axes, np.asarray(s.believed).tolist(), strict=True)) for s in tuning.aiding},
-        "filter": _keys(tuning.errors),
+        "filter": keys_of(tuning.errors),
     }
     return Report("tuning", f"{tuning!r}\n\n{section}", content, {"tuning.png": tuning.plot}, section)
 
@@ -235,11 +235,23 @@ def navigation_report(name: str, navigation: Navigation, notes: Sequence[str]) -
 
 def filter_section(name: str, errors: ImuErrors, comment: str) -> str:
     """A filter as a section of a configuration, with all digits."""
-    return f"# {comment}\n{tomli_w.dumps({'filters': {name: _keys(errors)}})}"
+    return f"# {comment}\n{tomli_w.dumps({'filters': {name: keys_of(errors)}})}"
 
 
-def _keys(errors: ImuErrors) -> dict[str, Any]:
-    """Keys of a section of a configuration."""
+def keys_of(errors: ImuErrors) -> dict[str, Any]:
+    """Return the keys of a section of a configuration, with all digits.
+
+    Parameters
+    ----------
+    errors
+        What a filter believes, or the truth.
+
+    Examples
+    --------
+    >>> from nav_jax.app.reports import keys_of
+    >>> keys_of(nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0))
+    {'accel': 'WN(sigma2=0.0001)', 'gyro': 'WN(sigma2=1e-08)', 'rate': 20.0}
+    """
     keys: dict[str, Any] = {}
     for sensor, first in (("accel", 0), ("gyro", 3)):
         texts = [_model_text(m) for m in errors.models[first : first + 3]]

@@ -22,7 +22,8 @@ from gmwm_jax.fitting.result import Fit
 from gmwm_jax.inference.bootstrapping import Bootstrap
 from gmwm_jax.inference.selection import Selection
 
-_FORMATS = ("svg", "pdf", "png")
+FORMATS = ("svg", "pdf", "png")
+"""Of figures."""
 _WHEN = (1980, 1, 1, 0, 0, 0)
 """Of the files in an archive, so that the same results are the same bytes; the earliest that the format knows."""
 
@@ -116,7 +117,7 @@ def page(title: str, parts: Mapping[str, tuple[Figure | None, Table | None]], pr
     sections = []
     for heading, (figure, table) in parts.items():
         text = html.escape(heading)
-        image = base64.b64encode(_drawn(figure, "svg")).decode() if figure is not None else ""
+        image = base64.b64encode(drawn(figure, "svg")).decode() if figure is not None else ""
         sections.append(f"<h2>{text}</h2>")
         if image:
             sections.append(f'<img alt="{text}" src="data:image/svg+xml;base64,{image}">')
@@ -151,6 +152,29 @@ def archive(files: Mapping[str, bytes]) -> bytes:
     return content.getvalue()
 
 
+def drawn(figure: Figure, kind: str) -> bytes:
+    """Draw a figure of Matplotlib as a file, the same bytes each time.
+
+    Parameters
+    ----------
+    figure
+        What to draw.
+    kind
+        ``svg``, ``pdf`` or ``png``.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import report
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000, channels=["gyro_x"]))
+    >>> report.drawn(wv.plot(), "pdf")[:4]
+    b'%PDF'
+    """
+    file = io.BytesIO()
+    date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+    figure.savefig(file, format=kind, dpi=150, metadata=date)
+    return file.getvalue()
+
+
 _Shown = dict[str, tuple[Figure | None, Table | None]]
 
 
@@ -160,7 +184,7 @@ def _add_table(made: dict[str, bytes], shown: _Shown, name: str, heading: str, t
 
 
 def _add_figure(made: dict[str, bytes], shown: _Shown, name: str, heading: str, figure: Figure) -> None:
-    made |= {f"{name}.{kind}": _drawn(figure, kind) for kind in _FORMATS}
+    made |= {f"{name}.{kind}": drawn(figure, kind) for kind in FORMATS}
     shown[heading] = (figure, None)
 
 
@@ -168,13 +192,6 @@ def _stem(number: int, fit: Fit) -> str:
     """Of the names of the files of a channel; its own name may be anything."""
     plain = "".join(c for c in plain_name(fit.wv.channels[0]) if c.isascii() and (c.isalnum() or c == "_"))
     return f"{number + 1}_{plain[:40]}".rstrip("_")
-
-
-def _drawn(figure: Figure, kind: str) -> bytes:
-    file = io.BytesIO()
-    date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    figure.savefig(file, format=kind, dpi=150, metadata=date)
-    return file.getvalue()
 
 
 def _as_html(table: Table) -> str:

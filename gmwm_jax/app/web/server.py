@@ -119,7 +119,7 @@ class Running:
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, **options: Any) -> None:
+def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, room: str = "", **options: Any) -> None:
     """Serve the page until an interrupt.
 
     Parameters
@@ -130,6 +130,8 @@ def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, **o
         Told the address, in one line, and what is unsafe.
     browser
         Open it there.
+    room
+        In which the page opens; the first if left out.
     options
         Of `Running`.
 
@@ -143,9 +145,10 @@ def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, **o
         say(f"Port {port} is taken.")
     if host not in LOCAL:
         say("There is no login: everybody who reaches this machine can use it.")
-    say(f"gmwm_jax is at {server.url} (Ctrl-C ends it)")
+    url = f"{server.url}?room={room}" if room else server.url
+    say(f"gmwm_jax is at {url} (Ctrl-C ends it)")
     if browser:
-        threading.Timer(0.5, webbrowser.open, [server.url]).start()
+        threading.Timer(0.5, webbrowser.open, [url]).start()
     server.run()
 
 

@@ -1,0 +1,102 @@
+"""The controls of the room, set as a state says, and the places of what it shows."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from htmltools import Tag
+from shiny import ui
+
+from gmwm_jax import datasets
+from gmwm_jax.app.web.limits import Limits
+from gmwm_jax.app.web.outputs import output_figure
+from nav_jax.app.web import controls
+from nav_jax.app.web.controls import Control
+
+_TRUTHS = {"sensor": "a known sensor", "fit": "the fit of the room Model & fit", "text": "the models written here"}
+_MODEL = "WN(sigma2=1e-6) + GM(beta=0.01, variance=1e-8)"
+
+
+def make_ui(state: Any, limits: Limits) -> Tag:
+    """Make the room."""
+    return ui.div(
+        ui.h2("Truth and filters"),
+        ui.div(
+            ui.input_select("nav_truth", "The true errors are of", _TRUTHS, selected=state.nav_truth),
+            ui.input_select("nav_sensor", "Sensor", list(datasets.sensors()), selected=state.nav_sensor),
+            ui.input_switch("nav_right", "A filter that believes the truth", state.nav_right),
+            ui.input_switch("nav_page", "One that believes the fit of the page", state.nav_page),
+            _text(state, "nav_structures", "Others, fitted to the same variances", "WN; WN + RW"),
+            class_="gmwm-controls",
+        ),
+        _folded(
+            "Models written here: the truth, and a filter of your own (per sample, in SI)",
+            _text(state, "nav_accel", "Truth, accelerometers", _MODEL),
+            _text(state, "nav_gyro", "Truth, gyros", _MODEL),
+            _text(state, "nav_rate", "Rate of the truth [Hz]", "100"),
+            _text(state, "nav_own_accel", "Own filter, accelerometers", _MODEL),
+            _text(state, "nav_own_gyro", "Own filter, gyros", _MODEL),
+        ),
+        ui.h2("Trajectory"),
+        ui.navset_pill(
+            *(ui.nav_panel(m.title, _grid(_fields(state, m.controls)), value=m.name) for m in controls.motions()),
+            id="nav_motion",
+            selected=state.nav_motion,
+        ),
+        ui.h2("Aiding, start and steps"),
+        ui.input_checkbox_group(
+            "nav_aiding", "Sensors", {s.name: s.title for s in controls.aiding()},
+            selected=state.nav_aiding.split(","), inline=True,
+        ),
+        *(_folded(s.title, *_fields(state, s.controls)) for s in controls.aiding()),
+        _folded("Start: standard deviations, one or [north, east, down]", *_fields(state, controls.start())),
+        _folded("Steps and Earth", *_fields(state, controls.computed())),
+        ui.h2("Covariance analysis: without random numbers"),
+        ui.output_ui("nav_status"),
+        ui.output_ui("nav_analysed"),
+        output_figure("nav_analysis"),
+        output_figure("nav_trajectory"),
+        ui.h2("What makes the error, and the smallest filter that serves"),
+        ui.div(
+            ui.input_select("nav_of", "Filter", {state.nav_of: state.nav_of or "first"}, selected=state.nav_of),
+            ui.input_action_button("nav_budget", "Error budget", class_="btn-outline-primary"),
+            ui.input_numeric("nav_max_accel", "Most GM, accelerometer", state.nav_max_accel, min=0, max=2),
+            ui.input_numeric("nav_max_gyro", "Most GM, gyro", state.nav_max_gyro, min=0, max=2),
+            ui.input_action_button("nav_design", "Design filters", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("nav_budget_status"),
+        output_figure("nav_budget_figure"),
+        ui.output_ui("nav_budget_table"),
+        ui.output_ui("nav_design_status"),
+        output_figure("nav_design_figure"),
+        ui.output_ui("nav_design_table"),
+        ui.h2("Monte Carlo: the same noise for all filters"),
+        ui.div(
+            *_fields(state, controls.runs()),
+            ui.input_action_button("nav_run", "Run", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("nav_runs_status"),
+        ui.output_ui("nav_runs_table"),
+        output_figure("nav_runs_figure"),
+        output_figure("nav_errors_figure"),
+        output_figure("nav_sensors_figure"),
+        ui.h2("Take away"),
+        ui.output_ui("nav_takeaway"),
+    )  # fmt: skip
+
+
+def _fields(state: Any, of: Iterable[Control]) -> list[Tag]:
+    return [_text(state, c.name, c.label, c.hint) for c in of]
+
+
+def _text(state: Any, name: str, label: str, hint: str) -> Tag:
+    return ui.input_text(name, label, getattr(state, name), placeholder=hint, update_on="blur")
+
+
+def _grid(fields: Iterable[Tag]) -> Tag:
+    return ui.div(*fields, class_="gmwm-controls")
+
+
+def _folded(title: str, *fields: Tag) -> Tag:
+    return ui.tags.details(ui.tags.summary(title), _grid(fields), class_="gmwm-folded")

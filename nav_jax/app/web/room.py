@@ -1,0 +1,352 @@
+"""The room Navigation: a covariance analysis at once, and what takes longer by buttons."""
+
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import plotly.graph_objects as go
+from htmltools import Tag
+from shiny import Inputs, reactive, render, ui
+
+import gmwm_jax as gj
+from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.jobs import Tell
+from gmwm_jax.app.web.outputs import as_html, render_figure, status
+from gmwm_jax.app.web.report import archive
+from gmwm_jax.app.web.rooms.model import model_of
+from gmwm_jax.app.web.rooms.room import Room
+from gmwm_jax.app.web.store import Part, Same, Store
+from nav_jax.app.comparison_file import Config
+from nav_jax.app.web import controls, figures, files, tables
+from nav_jax.app.web.inputs import make_ui
+from nav_jax.app.web.models import errors_of, fits_of
+from nav_jax.app.web.state import NavigationState
+from nav_jax.app.web.steps import STEPS
+from nav_jax.app.web.study import PAGE, config_of_text, tables_of, toml_of, without_runs
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.lincov.analysis import Analysis, analyse
+from nav_jax.lincov.budget import Budget, error_budget
+from nav_jax.lincov.derivatives import Sensitivities, sensitivities
+from nav_jax.lincov.filter_design import Design, design
+from nav_jax.simulation.comparison import Comparison
+
+BUSY = "This page computes already: cancel that first."
+NOTHING = "The covariance analysis is not there yet."
+_AT_ONCE = 16
+"""Runs between two looks at how far they have come."""
+
+
+class _Models(NamedTuple):
+    """What is fitted on the page."""
+
+    errors: dict[str, ImuErrors]
+    remarks: tuple[str, ...]
+
+
+class _Analysed(NamedTuple):
+    """What is computed at once."""
+
+    config: Config
+    truth: ImuErrors
+    analysis: Analysis
+
+
+def _server(input: Inputs, store: Store) -> None:
+    jobs = store.jobs
+    visited = reactive.Value(False)
+
+    @reactive.effect
+    def _look() -> None:  # nothing is computed before somebody looks
+        if input.room() == controls.ROOM:
+            visited.set(True)
+
+    def models_key() -> Any:
+        state: Any = store.state()
+        if not visited():
+            return None
+        wanted = {PAGE: model_of(state)} if state.nav_page or state.nav_truth == "fit" else {}
+        known = {_canonical(text) for text in wanted.values()}
+        for text in filter(None, map(str.strip, state.nav_structures.split(";"))):
+            if _canonical(text) not in known:
+                wanted[text] = text
+        if not wanted:
+            return (None, (), "", "")
+        wv = store.variance().value
+        if wv is None or store.of_recording().value is None:
+            return None
+        return Same(wv), tuple(wanted.items()), state.weights, state.nav_sensor
+
+    def fit_models(key: Any) -> _Models:
+        of, wanted, weights, sensor = key
+        errors: dict[str, ImuErrors] = {}
+        remarks: list[str] = []
+        for name, text in wanted:
+            store.limits.require_model(gj.parse_model(text))
+            found = errors_of(fits_of(of.value, text, weights), sensor)
+            errors[name] = found.errors
+            remarks += found.remarks
+        return _Models(errors, tuple(dict.fromkeys(remarks)))
+
+    models = store.computed(models_key, fit_models, "fitting all channels ..")
+
+    def compared() -> dict[str, Any] | None:
+        """All that is compared, as sections; reactive."""
+        found = models().value
+        return None if found is None else tables_of(store.state(), found.errors)
+
+    def configuration() -> str | None:
+        sections = compared()
+        return None if sections is None else toml_of(sections)
+
+    def analysis_key() -> str | None:
+        sections = compared()
+        return None if sections is None else toml_of(without_runs(sections))
+
+    def compute(text: str) -> _Analysed:
+        return _said(lambda: _analysed(text))
+
+    analysed = store.computed(
+        analysis_key, compute, "computing covariances .. (filters of a new structure are compiled once, some seconds)"
+    )
+
+    def present() -> _Analysed | None:
+        return analysed().value
+
+    def of_button(name: str) -> str:
+        """Of which filter."""
+        found = present()
+        assert found is not None  # there is a button only then
+        return name if name in found.config.filters else next(iter(found.config.filters))
+
+    def budget_key() -> Any:
+        text = analysis_key()
+        state: Any = store.state()
+        return None if text is None or present() is None else (text, of_button(state.nav_of))
+
+    def design_key() -> Any:
+        text = analysis_key()
+        state: Any = store.state()
+        return None if text is None else (text, state.nav_max_accel, state.nav_max_gyro)
+
+    def begin(name: str, key: Callable[[], Any], work: Callable[[_Analysed, Any, Tell], Any]) -> None:
+        try:
+            found, asked = present(), key()
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+            return
+        if found is None or asked is None:
+            ui.notification_show(NOTHING, type="warning")
+        elif not jobs.start(name, asked, lambda tell: _said(lambda: work(found, asked, tell))):
+            ui.notification_show(BUSY, type="warning")
+
+    def result(name: str, key: Callable[[], Any]) -> Outcome[Any]:
+        """What a button has made for the present inputs; reactive."""
+        try:
+            asked = key()
+        except ValueError:
+            return Outcome()  # said above
+        return Outcome() if asked is None or present() is None else jobs.result(name, asked)
+
+    @reactive.effect
+    @reactive.event(input.nav_run)
+    def _run() -> None:
+        begin("nav_runs", configuration, _runs)
+
+    @reactive.effect
+    @reactive.event(input.nav_budget)
+    def _budget() -> None:
+        begin("nav_budget", budget_key, _budget_of)
+
+    @reactive.effect
+    @reactive.event(input.nav_design)
+    def _design() -> None:
+        begin("nav_design", design_key, _design_of)
+
+    @reactive.calc
+    def runs() -> Outcome[Comparison]:
+        return result("nav_runs", configuration)
+
+    @reactive.calc
+    def budgeted() -> Outcome[tuple[str, Budget, Sensitivities]]:
+        return result("nav_budget", budget_key)
+
+    @reactive.calc
+    def designed() -> Outcome[Design]:
+        return result("nav_design", design_key)
+
+    @reactive.effect
+    def _filters() -> None:
+        found = present()
+        if found is not None:
+            with reactive.isolate():
+                chosen = of_button(input.nav_of())
+            ui.update_select("nav_of", choices=list(found.config.filters), selected=chosen)
+
+    def columns() -> int:
+        return 1 if store.narrow() else 2
+
+    @render.ui
+    def nav_status() -> Tag | None:
+        for outcome in (store.of_recording(), models()):
+            if outcome.value is None and present() is None:
+                return status(outcome)
+        return status(analysed())
+
+    @render.ui
+    def nav_analysed() -> Tag | None:
+        found, of = present(), models().value
+        if found is None or of is None:
+            return None
+        return ui.div(as_html(tables.analysis(found.analysis)), *(ui.p(remark) for remark in of.remarks))
+
+    @render_figure
+    def nav_analysis() -> go.Figure | Outcome[Any] | None:
+        found = analysed()
+        if found.value is None:
+            return found
+        return store.themed(figures.analysis(found.value.analysis, columns=columns()))
+
+    @render_figure
+    def nav_trajectory() -> go.Figure | Outcome[Any] | None:
+        found = analysed()
+        if found.value is None:
+            return found
+        return store.themed(figures.trajectory(found.value.config.scenario.reference, columns=columns()))
+
+    @render.ui
+    def nav_budget_status() -> Tag | None:
+        return status(budgeted())
+
+    @render_figure
+    def nav_budget_figure() -> go.Figure | Outcome[Any] | None:
+        found = budgeted()
+        return found if found.value is None else store.themed(figures.budget(found.value[1], columns=columns()))
+
+    @render.ui
+    def nav_budget_table() -> Tag | None:
+        found = budgeted().value
+        if found is None:
+            return None
+        name, parts, derivatives = found
+        return ui.div(as_html(tables.budget(parts, name)), as_html(tables.sensitivities(derivatives, name)))
+
+    @render.ui
+    def nav_design_status() -> Tag | None:
+        return status(designed())
+
+    @render_figure
+    def nav_design_figure() -> go.Figure | Outcome[Any] | None:
+        found = designed()
+        return found if found.value is None else store.themed(figures.design(found.value, columns=columns()))
+
+    @render.ui
+    def nav_design_table() -> Tag | None:
+        found = designed().value
+        return None if found is None else as_html(tables.design(found))
+
+    @render.ui
+    def nav_runs_status() -> Tag | None:
+        found = runs()
+        if found.value is not None and found.value.num_common < 2:
+            return ui.div("Fewer than two runs are done in which no filter failed: nothing is ranked.")
+        return status(found)
+
+    def ranked() -> Outcome[Any]:
+        found = runs()
+        return Outcome() if found.value is not None and found.value.num_common < 2 else found
+
+    @render.ui
+    def nav_runs_table() -> Tag | None:
+        found = ranked().value
+        return None if found is None else as_html(tables.comparison(found))
+
+    @render_figure
+    def nav_runs_figure() -> go.Figure | Outcome[Any] | None:
+        found = ranked()
+        return found if found.value is None else store.themed(figures.comparison(found.value, columns=columns()))
+
+    @render_figure
+    def nav_errors_figure() -> go.Figure | Outcome[Any] | None:
+        found = ranked()
+        if found.value is None:
+            return found
+        of = found.value[of_button(input.nav_of())]
+        return store.themed(figures.errors(of, columns=columns()))
+
+    @render_figure
+    def nav_sensors_figure() -> go.Figure | Outcome[Any] | None:
+        found = ranked()
+        if found.value is None:
+            return found
+        of = found.value[of_button(input.nav_of())]
+        return store.themed(figures.sensor_states(of, columns=columns()))
+
+    @reactive.calc
+    def parts() -> files.Parts | None:
+        found, text = present(), configuration() if present() is not None else None
+        if found is None or text is None:
+            return None
+        return files.Parts(text, found.analysis, runs().value, budgeted().value, designed().value)
+
+    def part() -> Part | None:
+        found = parts()
+        if found is None:
+            return None
+        program = files.python(found.text, runs=found.runs is not None)
+        return Part(lambda: files.downloads(found), program, files.commands(several=len(found.analysis) > 1))
+
+    store.parts[controls.ROOM] = part
+
+    @render.ui
+    def nav_takeaway() -> Tag | None:
+        if parts() is None:
+            return ui.p("There is nothing to take away yet.")
+        return ui.download_button("nav_archive", "Download configuration and results", class_="btn-outline-primary")
+
+    @render.download_button(filename="navigation.zip", media_type="application/zip")
+    async def nav_archive() -> AsyncIterator[bytes]:
+        with reactive.isolate():
+            found = parts()
+        if found is None:
+            return  # inputs have changed since; there is no button any more
+        yield await store.in_thread(lambda: archive(files.downloads(found)))
+
+
+def _analysed(text: str) -> _Analysed:
+    config = config_of_text(text)
+    assert isinstance(config.truth, ImuErrors)  # a recording is no choice of the room
+    return _Analysed(config, config.truth, analyse(config.scenario, config.truth, config.filters))
+
+
+def _runs(_: _Analysed, text: str, tell: Tell) -> Comparison:
+    config = config_of_text(text)
+    run = config.run.model_copy(update={"chunk_size": _AT_ONCE, "workers": 1})  # the other core is for clicks
+    return replace(config, run=run).compare(progress=tell)
+
+
+def _budget_of(found: _Analysed, key: Any, tell: Tell) -> tuple[str, Budget, Sensitivities]:
+    name, scenario, believed = key[1], found.config.scenario, found.config.filters[key[1]]
+    tell(0, None)
+    parts = error_budget(scenario, found.truth, believed)
+    tell(1, 2)
+    return name, parts, sensitivities(scenario, found.truth, believed)
+
+
+def _design_of(found: _Analysed, key: Any, tell: Tell) -> Design:
+    most = {"max_accel": key[1], "max_gyro": key[2]}
+    return design(found.config.scenario, found.truth, **most, progress=tell)
+
+
+def _said(work: Callable[[], Any]) -> Any:
+    """What there is no memory for is said as what is wrong."""
+    try:
+        return work()
+    except MemoryError as error:
+        raise ValueError(str(error) or "There is not enough memory.") from error
+
+
+def _canonical(text: str) -> str:
+    return str(gj.parse_model(text))
+
+
+ROOM = Room(controls.ROOM, "Navigation", make_ui, _server, NavigationState, STEPS)

@@ -1,0 +1,140 @@
+"""Inputs of the room are the keys of a configuration, and what they state is that configuration."""
+
+import dataclasses
+import tomllib
+
+import numpy as np
+import pytest
+
+import gmwm_jax as gj
+from gmwm_jax.app.web.rooms.joined import joined
+from nav_jax.app.sections import AIDING, MOTIONS
+from nav_jax.app.web import controls, study
+from nav_jax.app.web.models import errors_of, fits_of
+from nav_jax.app.web.room import ROOM
+from nav_jax.app.web.state import NavigationState
+from nav_jax.app.web.study import OWN, PAGE, RIGHT, config_of_text, tables_of, toml_of
+from nav_jax.filter.scenario import Scenario
+from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.errors import ImuErrors, sensor_errors
+
+TEXT = {"nav_truth": "text", "nav_accel": "WN(sigma2=1e-4)", "nav_gyro": "WN(sigma2=1e-6)", "nav_rate": "20"}
+
+
+def config(state, models=None):
+    return config_of_text(toml_of(tables_of(state, models or {})))
+
+
+def test_the_page_finds_the_room():
+    found = joined(())
+    if not found.rooms and not found.failures:
+        pytest.skip("the package is installed without its entry points: install it again")
+    assert ROOM in found.rooms
+
+
+def test_each_field_of_a_scenario_has_inputs():
+    """Where this fails, a scenario has learnt something: give it a row in `controls.OF_SCENARIO`."""
+    assert set(controls.OF_SCENARIO) == {field.name for field in dataclasses.fields(Scenario)}
+    assert {c.name for c in controls.motions()} == set(MOTIONS)
+    assert {c.name for c in controls.aiding()} == set(AIDING)
+    names = [c.name for c in controls.every()]
+    assert len(names) == len(set(names))
+    assert set(names) < set(NavigationState.model_fields)
+
+
+def test_units_stand_in_labels():
+    labels = {c.name: c.label for c in controls.every()}
+    assert labels["nav_lemniscate_size"] == "size [m]"
+    assert labels["nav_gnss_velocity_horizontal"] == "horizontal [m/s]"
+    assert labels["nav_barometer_rate"] == "rate [Hz]"
+    assert labels["nav_run_gravity"] == "gravity [m/s^2]"
+    assert labels["nav_start_attitude_sd"] == "attitude sd [rad]"
+
+
+def test_the_defaults_are_the_demonstration():
+    found = config(NavigationState())
+    assert found.scenario.reference.duration == 300.0
+    assert {s.name: tuple(s.outages) for s in found.scenario.aiding} == {
+        "gnss_position": ((260.0, 300.0),), "gnss_velocity": ((260.0, 300.0),), "barometer": (),
+    }  # fmt: skip
+    assert found.scenario.every == 10
+    assert list(found.filters) == [RIGHT]
+    assert repr(found.truth) == repr(sensor_errors("mti-g"))
+
+
+def test_what_is_typed_is_what_is_computed():
+    typed = {
+        "nav_motion": "circle", "nav_circle_duration": "10 s", "nav_circle_radius": "30", "nav_aiding": "barometer",
+        "nav_barometer_height": "20 cm", "nav_start_position_sd": "[1, 2, 3]", "nav_run_every": "2",
+        "nav_run_seed": "4", "nav_own_accel": "WN(sigma2=1e-6)", "nav_own_gyro": "WN(sigma2=1e-8)",
+    }  # fmt: skip
+    state = NavigationState.from_query(dict(TEXT, **typed, nav_unknown="x"))
+    found = config(state)
+    assert found.scenario.reference.name == "circle"
+    assert found.scenario.reference.duration == 10.0
+    (barometer,) = found.scenario.aiding
+    assert np.allclose(np.asarray(barometer.believed), 0.2)
+    assert np.allclose(np.sqrt(np.diag(found.scenario.initial.covariance))[:3], [1, 2, 3])
+    assert (found.scenario.every, found.run.seed) == (2, 4)
+    assert list(found.filters) == [RIGHT, OWN]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"nav_circle_radius": "5 kg", "nav_motion": "circle"}, r"\[trajectory\], radius: '5 kg'"),
+        ({"nav_motion": "loop"}, "Trajectory: there is no 'loop'"),
+        ({"nav_aiding": "lidar"}, "Aiding: there is no 'lidar'"),
+        ({"nav_lemniscate_duration": "9000"}, "takes 9000 s, and this server computes 7200 s"),
+        ({"nav_lemniscate_duration": "7000", "nav_rate": "1000"}, "more than 2000000 samples"),
+        ({"nav_run_num_runs": "5000"}, "Runs: 5000, and this server computes 2000"),
+        ({"nav_right": False}, "There is no filter"),
+        ({"nav_gyro": ""}, "a model of the accelerometers and one of the gyros"),
+        ({"nav_own_gyro": "WN(sigma2=1)"}, "A filter of your own takes"),
+        ({"nav_truth": "fit"}, "is not there: see the room Model & fit"),
+        ({"nav_barometer_height": "[[[["}, "barometer|height|aiding"),
+        ({"nav_barometer_outages": "[[280, 400]]"}, "outage"),
+    ],
+)
+def test_what_is_wrong_is_said(wrong, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        config(NavigationState(**dict(TEXT, **wrong)))
+
+
+@pytest.mark.parametrize("text", ["1\nfile = 'x'", "/etc/passwd", "{file = 'x'}", '"""', "1979-05-27"])
+def test_a_field_is_a_value_and_nothing_else(text):
+    value = study.value_of(text)
+    again = tomllib.loads(toml_of({"trajectory": {"radius": value}}))
+    assert again == {"trajectory": {"radius": value}}
+    assert not isinstance(value, dict)
+
+
+@pytest.fixture(scope="module")
+def wv():
+    return gj.wavelet_variance(gj.datasets.simulated("mti-g", 2000))
+
+
+def test_models_of_the_page_are_those_of_its_channels(wv):
+    found = errors_of(fits_of(wv, "WN"), "mti-g")
+    assert not found.remarks
+    fits = gj.fit(wv, "WN")
+    for model, channel in zip(found.errors.models, CHANNELS, strict=True):
+        assert float(model.processes[0].values[0]) == float(
+            fits[channel.replace(" ", "_")].model.processes[0].values[0]
+        )
+
+
+def test_what_is_missing_stands_for_a_known_sensor(wv):
+    found = errors_of(fits_of(wv["gyro_y"], "WN"), "mti-g")
+    assert len(found.remarks) == 2
+    assert repr(found.errors.models[:3]) == repr(sensor_errors("mti-g").models[:3])
+    assert len({repr(m) for m in found.errors.models[3:]}) == 1
+
+
+def test_filters_of_the_page_come_to_the_rate_of_the_truth(wv):
+    walk = ImuErrors("RW(gamma2=1e-9)", "RW(gamma2=1e-9)", 50.0)
+    models = {PAGE: errors_of(fits_of(wv, "WN"), "mti-g").errors, "RW": walk}
+    found = config(NavigationState(**TEXT), models)
+    assert list(found.filters) == [RIGHT, PAGE, "RW"]
+    assert {f.rate for f in found.filters.values()} == {20.0}
+    assert list(config(NavigationState(nav_truth="fit"), models).filters) == [RIGHT, "RW"]

@@ -1,0 +1,88 @@
+"""The room Navigation in a browser: the analysis at once, runs by a button, all of it for the inputs that are seen."""
+
+import io
+import re
+import zipfile
+from urllib.parse import urlencode
+
+import jax
+from web.pages import curves, drawn, enter
+
+import nav_jax as nj
+from nav_jax.app.web.study import config_of_text
+
+INPUTS = {
+    "room": "nav", "samples": 2000, "nav_truth": "text", "nav_accel": "WN(sigma2=1e-4)", "nav_gyro": "WN(sigma2=1e-6)",
+    "nav_rate": "20", "nav_motion": "circle", "nav_circle_duration": "60", "nav_aiding": "gnss_position",
+    "nav_gnss_position_outages": "[[2, 4]]", "nav_run_every": "1", "nav_own_accel": "WN(sigma2=1e-6)",
+    "nav_own_gyro": "WN(sigma2=1e-8)", "nav_page": 0, "nav_structures": "", "nav_run_num_runs": "8",
+}  # fmt: skip
+
+
+def opened(open_page, **inputs):
+    page = open_page(f"?{urlencode(INPUTS | inputs)}")
+    page.locator("#nav_analysed table").wait_for()
+    return page
+
+
+def files_of(page, button):
+    with page.expect_download() as waited:
+        page.locator(f"#{button}").click()
+    return zipfile.ZipFile(io.BytesIO(waited.value.path().read_bytes()))
+
+
+def test_the_analysis_comes_at_once_and_runs_by_a_button(open_page):
+    page = opened(open_page)
+    table = page.locator("#nav_analysed table")
+    archive = files_of(page, "nav_archive")
+    assert {"analysis.csv", "analysis.pdf", "navigation.py"} < set(archive.namelist())
+    assert page.locator("#nav_runs_table table").count() == 0
+    page.locator("#nav_run").click()
+    page.locator("#nav_runs_table", has_text="8 common runs;").wait_for()
+    drawn(page, "nav_runs_figure")
+    config = config_of_text(archive.read("comparison.toml").decode())
+    analysis = nj.analyse(config.scenario, config.truth, config.filters)
+    k = analysis["own"].epoch()
+    assert f"{analysis['own'].rms('position')[k]:.5g}" in table.inner_text()
+    ranked = nj.compare(config.scenario, config.truth, config.filters, num_runs=8, key=jax.random.key(0)).table()
+    said = page.locator("#nav_runs_table").inner_text()
+    assert all(f"{one.mean_position:.5g}" in said and one.verdict in said for one in ranked)
+    assert {"own", "own, as claimed", "outage"} <= set(curves(page, "nav_analysis"))
+    # nothing stale beside new inputs
+    enter(page, "nav_circle_radius", "30")
+    page.locator("#nav_runs_table table").wait_for(state="detached")
+    page.locator("#nav_analysed table").wait_for()
+    assert "nav_circle_radius=30" in page.url
+    # what is wrong is said, and nothing is shown
+    enter(page, "nav_circle_radius", "5 kg")
+    page.locator("#nav_status .gmwm-error", has_text="[trajectory], radius: '5 kg'").wait_for()
+    assert page.locator("#nav_analysed table").count() == 0
+
+
+def test_runs_that_are_cancelled_are_kept_and_said_to_be_fewer(open_page):
+    page = opened(open_page, nav_run_num_runs=2000)
+    page.locator("#nav_run").click()
+    page.locator("#job_text", has_text=re.compile(r"\d+ of \d+, about \d+ s left")).wait_for()
+    page.locator("#cancel").click()
+    page.locator("#nav_runs_table", has_text=re.compile(r"\d+ common runs of 2000 that were asked for")).wait_for()
+    assert page.locator("#job").is_hidden()
+
+
+def test_the_budget_of_a_filter(open_page):
+    page = opened(open_page)
+    page.locator("#nav_of").select_option("own")
+    page.locator("#nav_budget").click()
+    page.locator("#nav_budget_table", has_text="Error budget of own at").wait_for()
+    drawn(page, "nav_budget_figure")
+
+
+def test_every_input_has_a_label_and_a_phone_shows_all(open_page):
+    page = open_page(f"?{urlencode(INPUTS)}", size=(390, 844), scheme="dark")
+    drawn(page, "nav_analysis")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    without = page.evaluate(
+        """() => [...document.querySelectorAll('[data-value=nav] input, [data-value=nav] select')]
+            .filter(e => !e.labels.length && !e.ariaLabel && e.type !== 'checkbox').map(e => e.id)"""
+    )
+    assert not without
+    assert "RMS position error" in page.locator("#nav_analysis").get_attribute("aria-label")
