@@ -329,6 +329,9 @@ def serve_page(
     workers: Annotated[int, typer.Option(min=1, max=64, help="Computations at a time.")] = 2,
     root_path: Annotated[str, typer.Option(help="Path under which a proxy shows the page.")] = "",
     room: Annotated[str, typer.Option(hidden=True, help="In which the page opens; of other packages' commands.")] = "",
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Do not keep compiled models in your folder of caches.")
+    ] = False,
 ) -> None:
     """Open recordings, variances and models as a page in the browser, served by this machine."""
     for need in ("shiny", "plotly"):
@@ -344,8 +347,10 @@ def serve_page(
     from gmwm_jax.app.web.server import serve
 
     limits = Limits() if upload is None else Limits(upload=upload)
-    serve(host, port, typer.echo, browser=not no_browser, limits=limits, num_threads=workers, root_path=root_path,
-          room=room)  # fmt: skip
+    serve(
+        host, port, typer.echo, browser=not no_browser, cache=not no_cache, limits=limits, num_threads=workers,
+        root_path=root_path, room=room,
+    )  # fmt: skip
 
 
 @command(app)

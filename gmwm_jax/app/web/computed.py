@@ -4,12 +4,13 @@ import asyncio
 import logging
 import secrets
 from collections.abc import Callable, Hashable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from shiny import reactive
 from shiny.session import Session
+
+from gmwm_jax.app.web.turns import PageTurns, SupersededError
 
 T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
@@ -34,8 +35,8 @@ class Computed(Generic[K, T]):
     ----------
     session
         Of the page.
-    pool
-        The threads of all pages.
+    turns
+        The computations of the page.
     key
         Reads the inputs; all that `work` depends on. None: there is nothing to compute yet. A ValueError is shown.
     work
@@ -49,13 +50,13 @@ class Computed(Generic[K, T]):
     def __init__(
         self,
         session: Session,
-        pool: Executor,
+        turns: PageTurns,
         key: Callable[[], K | None],
         work: Callable[[K], T],
         busy: str,
         words: Callable[[str], str] = str,
     ):
-        self._key, self._work, self._busy, self._words, self._pool = key, work, busy, words, pool
+        self._key, self._work, self._busy, self._words, self._turns = key, work, busy, words, turns
         self._done: reactive.Value[tuple[K, Outcome[T]] | None] = reactive.Value(None)
         self._asked: K | None = None
         self._ended = False
@@ -95,19 +96,21 @@ class Computed(Generic[K, T]):
 
     async def _run(self, key: K) -> None:
         await asyncio.sleep(0)  # what else changes now comes first
-        if key != self._asked or self._ended:
-            return
+
+        def wanted() -> bool:
+            return key == self._asked and not self._ended
+
         try:
-            found: Outcome[T] = Outcome(
-                value=await asyncio.get_running_loop().run_in_executor(self._pool, self._work, key)
-            )
+            found: Outcome[T] = Outcome(value=await self._turns.run(lambda: self._work(key), wanted))
+        except SupersededError:
+            return
         except (ValueError, OSError, ImportError, RuntimeError) as error:
             found = Outcome(error=self._words(str(error)))
         except Exception:
             number = secrets.token_hex(4)
             _LOG.exception("error %s", number)
             found = Outcome(error=f"Internal error {number}: the server's log says more.")
-        if key != self._asked or self._ended:
+        if not wanted():
             return
         async with reactive.lock():
             self._done.set((key, found))

@@ -21,6 +21,8 @@ from gmwm_jax.app.web.computed import Outcome
 _LOG = logging.getLogger("gmwm_jax.app")
 _BETWEEN = 0.2
 """Seconds between two looks at how far the work has come."""
+_PATIENCE = 1.0
+"""Seconds that work stands aside, at each word of its progress, while others compute."""
 
 Tell = Callable[[int, int | None], None]
 """What the work calls with what is done and the total."""
@@ -57,8 +59,8 @@ class Progress(NamedTuple):
 class _Run:
     """One piece of work: what its thread and the page tell each other."""
 
-    def __init__(self, work: Callable[[Tell], Any], most: float):
-        self._work, self._most = work, most
+    def __init__(self, work: Callable[[Tell], Any], most: float, others: Callable[[], bool]):
+        self._work, self._most, self._others = work, most, others
         self._stop = threading.Event()
         self._at: tuple[int, int | None] = 0, None
         self._began: float | None = None
@@ -75,6 +77,9 @@ class _Run:
     def _tell(self, done: int, total: int | None) -> None:
         self._at = done, total
         assert self._began is not None  # it is told by the work, which has begun
+        aside = time.monotonic() + _PATIENCE
+        while self._others() and not self._stop.is_set() and time.monotonic() < aside:
+            time.sleep(0.02)
         if self._stop.is_set() or time.monotonic() - self._began > self._most:
             raise KeyboardInterrupt
 
@@ -102,10 +107,19 @@ class Jobs:
         Seconds after which work is cancelled.
     words
         Python in a message -> the same as the page has it.
+    others
+        Is something computed at a click? Work stands aside then.
     """
 
-    def __init__(self, session: Session, queue: Executor, most: float, words: Callable[[str], str] = str):
-        self._session, self._queue, self._most, self._words = session, queue, most, words
+    def __init__(
+        self,
+        session: Session,
+        queue: Executor,
+        most: float,
+        words: Callable[[str], str] = str,
+        others: Callable[[], bool] = lambda: False,
+    ):
+        self._session, self._queue, self._most, self._words, self._others = session, queue, most, words, others
         self._done: reactive.Value[dict[str, tuple[Any, Outcome[Any]]]] = reactive.Value({})
         self._run: _Run | None = None
         self._tasks: set[asyncio.Task[None]] = set()
@@ -125,7 +139,7 @@ class Jobs:
         """
         if self._run is not None:
             return False
-        self._run = _Run(work, self._most)
+        self._run = _Run(work, self._most, self._others)
         task = asyncio.get_running_loop().create_task(self._follow(name, key, self._run))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

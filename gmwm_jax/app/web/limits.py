@@ -49,6 +49,8 @@ class Limits:
     """Of them."""
     ranked: int = 200
     """Models of a ranking."""
+    compute_seconds: float = 180.0
+    """For what is computed at a click; longer than for reading a file."""
     job_seconds: float = 600.0
     """For replicates or a ranking; what is done by then is kept."""
 

@@ -17,19 +17,20 @@ from gmwm_jax.app.web.rooms.joined import Joined, joined
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State, joined_state
 from gmwm_jax.app.web.store import Store
+from gmwm_jax.app.web.turns import Turns
 
 ROOMS: tuple[Room, ...] = tuple(room.ROOM for room in (data, variance, model, inference, units))
 """In the order of work; after them those of other packages, and what is of all: Take away and Tutorial."""
 _WWW = Path(__file__).parent / "www"
 
 
-def application(pool: Executor, queue: Executor, limits: Limits) -> App:
+def application(turns: Turns, queue: Executor, limits: Limits) -> App:
     """Make the application of the page.
 
     Parameters
     ----------
-    pool
-        Threads that compute for all pages.
+    turns
+        Who computes when.
     queue
         Those that do long work.
     limits
@@ -43,7 +44,7 @@ def application(pool: Executor, queue: Executor, limits: Limits) -> App:
         return _page(rooms, others.failures, states.from_query(request.query_params), limits)
 
     def serve(input: Inputs, output: Outputs, session: Session) -> None:
-        _serve(rooms, input, session, Store(input, session, pool, queue, limits, states))
+        _serve(rooms, input, session, Store(input, session, turns, queue, limits, states))
 
     app = App(page, serve)
     app.sanitize_errors = True

@@ -16,16 +16,20 @@ from typing import Any
 import uvicorn
 
 from gmwm_jax._internal.interrupts import AbandonableExecutor
+from gmwm_jax.app.web.compiled import keep_compiled
 from gmwm_jax.app.web.guard import Guard
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.page import application
 from gmwm_jax.app.web.rooms.model import compile_usual_models
+from gmwm_jax.app.web.turns import Turns
 from gmwm_jax.app.web.uploads import start_reader
 
 PREFIX = "gmwm-jax-app-"
 """Of the folder of a server's temporary files, followed by its process."""
 LOCAL = ("127.0.0.1", "localhost", "[::1]")
 _TRIES = 20
+_QUIET = 3.0
+"""Seconds until the usual models are compiled: the first page comes first."""
 
 
 class Running:
@@ -65,15 +69,13 @@ class Running:
         self._socket = _listen(host, port)
         self.port = self._socket.getsockname()[1]
         self.url = f"http://{'127.0.0.1' if host in ('0.0.0.0', '::') else host}:{self.port}{root_path}/"
-        self._pool = AbandonableExecutor(num_threads)
+        self._turns = Turns(num_threads, pages=limits.sessions, seconds=limits.compute_seconds)
         self._queue = AbandonableExecutor(1)  # long work leaves a core to those who click
-        if prewarm:
-            self._pool.submit(compile_usual_models)
         names = {*LOCAL, host.lower()}
         if host in ("0.0.0.0", "::"):
             names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
         config = uvicorn.Config(
-            Guard(application(self._pool, self._queue, limits), names, limits),
+            Guard(application(self._turns, self._queue, limits), names, limits),
             log_level="warning",
             ws="websockets-sansio",
             ws_max_size=limits.message,
@@ -85,6 +87,10 @@ class Running:
         )
         self._server = uvicorn.Server(config)
         self._thread: threading.Thread | None = None
+        self._warming = threading.Timer(_QUIET, self._turns.executor.submit, [compile_usual_models])
+        self._warming.daemon = True
+        if prewarm:
+            self._warming.start()
         _sweep(Path(tempfile.gettempdir()))
         self._before = tempfile.tempdir
         tempfile.tempdir = str(_own_folder())
@@ -112,14 +118,24 @@ class Running:
         self._end()
 
     def _end(self) -> None:
+        self._warming.cancel()
         self._socket.close()
-        for pool in (self._pool, self._queue):
-            pool.shutdown(wait=False, cancel_futures=True)
+        self._turns.end()
+        self._queue.shutdown(wait=False, cancel_futures=True)
         tempfile.tempdir = self._before
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, room: str = "", **options: Any) -> None:
+def serve(
+    host: str,
+    port: int,
+    say: Callable[[str], Any],
+    *,
+    browser: bool,
+    room: str = "",
+    cache: bool = True,
+    **options: Any,
+) -> None:
     """Serve the page until an interrupt.
 
     Parameters
@@ -132,6 +148,8 @@ def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, roo
         Open it there.
     room
         In which the page opens; the first if left out.
+    cache
+        Keep what is compiled in the user's folder of caches.
     options
         Of `Running`.
 
@@ -140,6 +158,8 @@ def serve(host: str, port: int, say: Callable[[str], Any], *, browser: bool, roo
     OSError
         No port is free, or the host is none of this machine.
     """
+    if cache:
+        keep_compiled()
     server = Running(host, port, prewarm=True, **options)
     if port and server.port != port:
         say(f"Port {port} is taken.")

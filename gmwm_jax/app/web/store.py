@@ -1,6 +1,5 @@
 """What a page knows: its inputs, the recording, wavelet variances; each belongs to the inputs that it is of."""
 
-import asyncio
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
@@ -22,6 +21,7 @@ from gmwm_jax.app.web.library import published, source
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.saved import Fitted, Page, read
 from gmwm_jax.app.web.state import State
+from gmwm_jax.app.web.turns import Turns
 from gmwm_jax.app.web.uploads import read_upload
 from gmwm_jax.app.web.words import in_words_of_the_page
 from gmwm_jax.processes.base import Composite
@@ -101,8 +101,8 @@ class Store:
     ----------
     input, session
         Of the framework.
-    pool
-        Threads of all pages.
+    turns
+        Who computes when.
     queue
         Those that do long work.
     limits
@@ -120,14 +120,15 @@ class Store:
         self,
         input: Inputs,
         session: Session,
-        pool: Executor,
+        turns: Turns,
         queue: Executor,
         limits: Limits,
         states: type[State] = State,
     ):
-        self._input, self._session, self._pool, self.limits, self._states = input, session, pool, limits, states
+        self._input, self._session, self.limits, self._states = input, session, limits, states
+        self._turns = turns.of_page()
         self.parts: dict[str, Callable[[], Part | None]] = {}
-        self.jobs = Jobs(session, queue, limits.job_seconds, in_words_of_the_page)
+        self.jobs = Jobs(session, queue, limits.job_seconds, in_words_of_the_page, lambda: turns.running > 0)
         self.file: reactive.Value[File | None] = reactive.Value(None)
         self.saved: reactive.Value[Page | None] = reactive.Value(None)
         self.fits: reactive.Value[tuple[Fitted, ...]] = reactive.Value(())
@@ -176,12 +177,12 @@ class Store:
         return read(content, name, self.limits, self._states)
 
     async def in_thread(self, work: Callable[[], T]) -> T:
-        """Compute something once, among what threads compute for all pages."""
-        return await asyncio.get_running_loop().run_in_executor(self._pool, work)
+        """Compute something once, when it is the turn of this page."""
+        return await self._turns.run(work)
 
     def computed(self, key: Callable[[], Any], work: Callable[[Any], Any], busy: str) -> Computed[Any, Any]:
         """Make a value that threads compute for this page."""
-        return Computed(self._session, self._pool, key, work, busy, in_words_of_the_page)
+        return Computed(self._session, self._turns, key, work, busy, in_words_of_the_page)
 
     def themed(self, figure: go.Figure) -> go.Figure:
         """Draw a figure for the page as it is, light or dark; reactive."""

@@ -111,8 +111,8 @@ def _server(input: Inputs, store: Store) -> None:
     store.fit = fit
 
     def printed_key() -> Any:
-        found = fit().value
-        return None if found is None else (Same(found), model_of(store.state()))
+        found, state = fit().value, store.state()  # nobody sees it elsewhere
+        return None if found is None or state.room != ROOM.id else (Same(found), model_of(state))
 
     def print_out(key: Any) -> Any:
         of, asked = key

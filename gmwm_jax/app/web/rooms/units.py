@@ -40,7 +40,7 @@ def _ui(state: State, limits: Limits) -> Tag:
 def _server(input: Inputs, store: Store) -> None:
     def key() -> Any:
         found, wv, state = store.fit().value, store.variance().value, store.state()
-        if found is None or wv is None or store.of_recording().value is None:
+        if state.room != ROOM.id or found is None or wv is None or store.of_recording().value is None:
             return None
         return Same(found), Same(wv), model_of(state), state.weights, state.target
 
