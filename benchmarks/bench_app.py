@@ -46,7 +46,7 @@ CLICK = """([selector, id]) => new Promise((done) => {
 
 
 def main() -> None:
-    report = Report("app", __doc__)
+    report = Report("app", __doc__ or "")
     starts(report)
     with served() as server, chromium() as browser:
         wait_until_idle(server.process.pid)
@@ -306,8 +306,7 @@ class User:
             if not model and "<table" in html_of(values.get("per_sample")):
                 return
             said = re.search(r"<p[^>]*>(.*): objective", html_of(values.get("fit_status")))
-            kinds = re.sub(r"\(.*?\)", "", said[1]) if said else ""
-            if model and "figure" in (values.get("fitted") or {}) and kinds == written_out(model):
+            if model and said and "figure" in (values.get("fitted") or {}) and kinds(said[1]) == kinds(model):
                 return
 
 
@@ -316,9 +315,10 @@ def html_of(value: Any) -> str:
     return value.get("html", "") if isinstance(value, dict) else ""
 
 
-def written_out(model: str) -> str:
-    """``WN + 2*GM`` -> ``WN + GM + GM``."""
-    return re.sub(r"(\d)\*GM", lambda found: " + ".join(["GM"] * int(found[1])), model)
+def kinds(model: str) -> list[str]:
+    """Of the processes: ``WN + 2*GM`` -> GM, GM, WN."""
+    plain = re.sub(r"\(.*?\)", "", model)
+    return sorted(re.sub(r"(\d)\*(\w+)", lambda found: " + ".join([found[2]] * int(found[1])), plain).split(" + "))
 
 
 async def twenty(report: Report, server: Server, at_once: int) -> None:

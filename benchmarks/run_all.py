@@ -27,6 +27,7 @@ NAMES = (
     "lincov",
     "design",
     "tuning",
+    "app",
 )
 BEGIN, END = "<!-- table: run_all.py -->", "<!-- end -->"
 
