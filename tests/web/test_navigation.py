@@ -86,3 +86,17 @@ def test_every_input_has_a_label_and_a_phone_shows_all(open_page):
     )
     assert not without
     assert "RMS position error" in page.locator("#nav_analysis").get_attribute("aria-label")
+
+
+def test_the_last_steps_of_the_tutorial(open_page):
+    page = open_page("?room=tutorial")
+    recap = page.locator("#step_10 table")
+    recap.wait_for()
+    assert "0.107" in recap.inner_text()
+    wrong = page.locator("#step_11")
+    wrong.locator("table").wait_for()
+    assert "Printed: [66 %, 74 %] about 70 %" in wrong.inner_text()
+    page.locator("#step_12", has_text="a constant bias").wait_for()
+    links = page.get_by_role("link", name="Do this step")
+    assert links.count() == 12
+    assert "room=nav" in links.nth(10).get_attribute("href")

@@ -33,6 +33,8 @@ def make_ui(state: Any, limits: Limits) -> Tag:
             _text(state, "nav_accel", "Truth, accelerometers", _MODEL),
             _text(state, "nav_gyro", "Truth, gyros", _MODEL),
             _text(state, "nav_rate", "Rate of the truth [Hz]", "100"),
+            _text(state, "nav_accel_bias", "Truth, turn-on bias sd, accelerometers [m/s^2]", "0"),
+            _text(state, "nav_gyro_bias", "Truth, turn-on bias sd, gyros [rad/s]", "0"),
             _text(state, "nav_own_accel", "Own filter, accelerometers", _MODEL),
             _text(state, "nav_own_gyro", "Own filter, gyros", _MODEL),
         ),

@@ -16,6 +16,8 @@ class Chosen(State):
     nav_accel: str = Field("", max_length=300, title="Truth, accelerometers")
     nav_gyro: str = Field("", max_length=300, title="Truth, gyros")
     nav_rate: str = Field("100", max_length=30, title="Rate of the truth")
+    nav_accel_bias: str = Field("", max_length=100, title="Turn-on bias of the accelerometers")
+    nav_gyro_bias: str = Field("", max_length=100, title="Turn-on bias of the gyros")
     nav_right: bool = True
     nav_page: bool = True
     nav_structures: str = Field("WN", max_length=300, title="Other models, fitted to the same variances")

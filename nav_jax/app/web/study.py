@@ -74,7 +74,7 @@ def tables_of(state: Any, models: Mapping[str, ImuErrors], caps: Caps | None = N
     sensors = [_chosen(controls.aiding(), name, "Aiding") for name in state.nav_aiding.split(",") if name]
     tables = {
         "trajectory": {"motion": motion.name, **_given(state, motion.controls)},
-        "truth": _truth(state, models),
+        "truth": _truth(state, models) | _biases(state),
         "filters": _filters(state, models, caps),
         "aiding": [{"type": s.name, **_given(state, s.controls)} for s in sensors],
         "initial": _given(state, controls.start()),
@@ -136,6 +136,11 @@ def _truth(state: Any, models: Mapping[str, ImuErrors]) -> dict[str, Any]:
     if not (state.nav_accel.strip() and state.nav_gyro.strip()):
         raise ValueError("The truth as text takes a model of the accelerometers and one of the gyros.")
     return {"accel": state.nav_accel, "gyro": state.nav_gyro, "rate": value_of(state.nav_rate)}
+
+
+def _biases(state: Any) -> dict[str, Any]:
+    texts = {"accel_bias_sd": state.nav_accel_bias.strip(), "gyro_bias_sd": state.nav_gyro_bias.strip()}
+    return {key: value_of(text) for key, text in texts.items() if text}
 
 
 def _filters(state: Any, models: Mapping[str, ImuErrors], caps: Caps) -> dict[str, Any]:

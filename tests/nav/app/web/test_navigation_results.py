@@ -11,7 +11,7 @@ import pytest
 from nav.synthetic import make_runs
 
 import nav_jax as nj
-from nav_jax.app.web import figures, files, tables
+from nav_jax.app.web import figures, files, steps, tables
 from nav_jax.app.web.state import NavigationState
 from nav_jax.app.web.study import config_of_text, tables_of, toml_of
 from nav_jax.simulation.comparison import Comparison
@@ -71,6 +71,20 @@ def test_runs_are_drawn_and_ranked(runs):
     for figure in (figures.errors(runs["right"]), figures.sensor_states(runs["right"])):
         assert len(figure.data) > 10
     assert figures.trajectory(runs.reference).layout.yaxis.scaleanchor == "x"
+
+
+def test_steps_of_the_tutorial():
+    said, table = steps.compared()
+    assert said.startswith("Printed: [66 %, 74 %] about 70 %")
+    right, wrong = ({row[0]: row for row in table.rows}[name] for name in ("right", "own"))
+    assert right[1] == pytest.approx(right[2])
+    assert right[5] == pytest.approx(1.0)
+    assert wrong[1] > wrong[2]
+    assert wrong[6] < 0.8 < right[6]
+    (switches,) = steps.left_out()
+    alone, *more = (row[1] for row in switches.rows)
+    assert all(with_it > alone for with_it in more)
+    assert [row[3] for row in switches.rows] == pytest.approx([1.0, 1.0, 1.0])
 
 
 def test_cancelled_runs_are_said_to_be_fewer():
