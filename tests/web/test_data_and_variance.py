@@ -6,6 +6,7 @@ import pytest
 from web.pages import curves, drawn, enter, go_to, until
 
 import gmwm_jax as gj
+from gmwm_jax.app.web import tables
 
 CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 NUM_FRAMES = "() => Object.keys(variances._fullLayout).filter(key => key.startsWith('xaxis')).length"
@@ -58,6 +59,9 @@ def test_the_variance_is_that_of_the_library(open_page):
     until(lambda: page.evaluate(NUM_FRAMES) == 1)
     after = drawn(page, "variances", after=before)
     np.testing.assert_allclose(curves(page, "variances")["wavelet variance"][1], wv[0].variance, rtol=1e-12)
+    wanted = tables.readings(wv).rows[0][2]
+    assert f"{wanted:.5g}" in page.locator("#read_off").inner_text()
+    assert f"{wv[0].variance[3]:.5g}" in page.locator("#scales").inner_text()
     page.locator("#allan").click()
     until(lambda: "Allan variance" in curves(page, "variances"))
     after = drawn(page, "variances", after=after)
@@ -205,4 +209,6 @@ def test_no_room_is_wider_than_the_page(open_page, size, scheme):
     drawn(page, "variances")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= size[0]
     assert page.evaluate("() => document.documentElement.dataset.bsTheme") == scheme
-    assert page.evaluate(NUM_FRAMES) == (1 if size[0] < 560 else 6)
+    assert page.evaluate(NUM_FRAMES) == 6
+    at = "() => Object.values(variances._fullLayout).filter(v => v && v._id && v._id[0] === 'x').map(v => v.domain[0])"
+    assert len(set(page.evaluate(at))) == (1 if size[0] < 560 else 3)  # one below the other on a phone

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from web.pages import curves, drawn, enter
+from web.pages import curves, drawn, enter, until
 
 import gmwm_jax as gj
 
@@ -69,3 +69,18 @@ def test_the_datasheet_is_drawn_and_adopted(open_page, wv):
     page.locator("#adopt").click()
     drawn(page, "fitted", after=before)
     assert "sigma2" in page.locator("#model").input_value()
+
+
+def test_more_processes_and_each_parameter_free_or_held(open_page, wv):
+    page = open_page("?room=model&samples=5000&boxes=&more=AR1")
+    assert page.locator("#more").is_visible()
+    before = drawn(page, "fitted")
+    assert objective(page) == pytest.approx(gj.fit(wv, "AR1").objective, rel=1e-5)
+    page.locator("summary", has_text="each parameter").click()
+    page.locator("#how_0").select_option("fixed")
+    enter(page, "at_0", 0.5)
+    page.locator("#use").click()
+    until(lambda: page.locator("#model").input_value() == "AR1(phi=0.5 fixed)")
+    drawn(page, "fitted", after=before)
+    assert objective(page) == pytest.approx(gj.fit(wv, "AR1(phi=0.5 fixed)").objective, rel=1e-5)
+    assert "Model: AR1(phi=0.5 fixed)" in page.locator("#about").inner_text()

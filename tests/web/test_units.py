@@ -1,13 +1,15 @@
 """Published wavelet variances, the rooms that take them, and the room Units & filters."""
 
 import re
+from urllib.parse import quote
 
 import numpy as np
 from web.pages import drawn, enter
 
 import gmwm_jax as gj
-from gmwm_jax.app.web import library
-from gmwm_jax.app.web.formula import converted
+from gmwm_jax.app.web import datasheet, library, tables
+from gmwm_jax.app.web.datasheet import verdicts
+from gmwm_jax.app.web.formula import converted, to_filter, to_samples
 from gmwm_jax.app.web.snippets import snippet
 
 
@@ -36,3 +38,25 @@ def test_numbers_are_converted_with_the_formula(open_page):
     assert page.locator("#converted").inner_text() == converted(0.15, "deg/sqrt(h)", "rad/s/sqrt(Hz)").text
     enter(page, "unit_to", "kg")
     page.locator("#converted .gmwm-error").wait_for()
+    for step in to_filter("WN", [4.926494e-05], 100.0, "rad/s"):
+        assert step.text in page.locator("#by_formula").inner_text()
+    page.locator("#process").select_option("GM")
+    page.locator("#by_formula .gmwm-error", has_text="GM takes beta and the stationary variance").wait_for()
+    page.locator("#way").select_option("samples")
+    enter(page, "numbers", "2.0, 0.02")
+    page.locator("#by_formula", has_text=to_samples("GM", [2.0, 0.02], 100.0, "rad/s")[1].text).wait_for()
+
+
+def test_the_fit_is_compared_with_the_datasheet(open_page):
+    entries = "N=0.05 deg/s/sqrt(Hz), B=20 deg/h"
+    page = open_page(f"?room=units&samples=5000&boxes=WN%2CRW&datasheet={quote(entries + ' | N=50 ug/sqrt(Hz)')}")
+    fit = gj.fit(gj.wavelet_variance(gj.datasets.simulated("mti-g", 5000))["gyro_x"], "WN + RW")
+    page.locator("#verdict table").first.wait_for()
+    shown = page.locator("#verdict table").first.inner_text()
+    for v in verdicts(fit, entries):
+        assert re.search(rf"{v.entry}\s+{v.stated:.5g}\s+{v.measured:.5g}.*{v.answer}", shown)
+    model, _ = datasheet.model(entries, 100.0)
+    assert str(model) in page.locator("#verdict").inner_text()
+    assert tables.formulas(fit.model, 100.0, "rad/s").rows[0][4] in page.locator("#formulas").inner_text()
+    enter(page, "datasheet", "N=50 ug/sqrt(Hz)")
+    page.locator("#verdict", has_text="says nothing of a channel in rad/s").wait_for()

@@ -118,6 +118,19 @@ def overlay(text: str, rate: float) -> dict[str, Composite]:
     return found
 
 
+def of_unit(text: str, rate: float, unit: str) -> str:
+    """Return the entries that are about a unit, see `overlay`; "" where there are none.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import datasheet
+    >>> datasheet.of_unit("N=0.6 deg/sqrt(h) | N=50 ug/sqrt(Hz)", 100.0, "m/s^2")
+    'N=50 ug/sqrt(Hz)'
+    """
+    parts = [part.strip() for part in text.split("|") if part.strip()]
+    return next((part for part in parts if model(part, rate)[1] == unit), "")
+
+
 def verdicts(fit: Fit, text: str, rate: float | None = None) -> tuple[Verdict, ...]:
     """Compare the white noise, bias instability and random walk of a datasheet with those of a fit.
 

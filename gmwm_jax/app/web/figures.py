@@ -115,6 +115,7 @@ def variance(
     robust: AbstractWaveletVariance | None = None,
     slopes: bool = False,
     unit: str | Mapping[str, str] | None = None,
+    columns: int = 3,
 ) -> go.Figure:
     """Draw wavelet or Allan variances over scale, a frame for each channel; channels of one unit have the same axis.
 
@@ -138,6 +139,8 @@ def variance(
         Draw the slopes that processes have.
     unit
         Of the signal, as ``deg/h``: for all channels, or by SI unit.
+    columns
+        Frames in a row, at most.
 
     Raises
     ------
@@ -182,7 +185,7 @@ def variance(
     ranges: dict[str, list[float]] = {}
     for frame in frames:
         ranges.setdefault(frame.y.unit, []).extend(_ends(frame))
-    columns = min(len(frames), 3)
+    columns = min(len(frames), columns)
     rows = -(-len(frames) // columns)
     return figure_of(
         frames,

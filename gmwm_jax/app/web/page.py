@@ -14,6 +14,7 @@ from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import status
 from gmwm_jax.app.web.rooms import data, inference, model, takeaway, tutorial, units, variance
 from gmwm_jax.app.web.rooms.joined import Joined, joined
+from gmwm_jax.app.web.rooms.model import model_of
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State, joined_state
 from gmwm_jax.app.web.store import Store
@@ -61,6 +62,16 @@ def _page(rooms: Sequence[Room], failures: Sequence[str], state: State, limits: 
     sidebar = ui.sidebar(
         ui.output_ui("about"),
         ui.input_select("channel", "Channel", {state.channel: state.channel or "first"}, selected=state.channel),
+        ui.input_text(
+            "datasheet", "Datasheet", state.datasheet, placeholder="N=0.15 deg/sqrt(h), B=10 deg/h", update_on="blur"
+        ),
+        ui.tags.details(
+            ui.tags.summary("How it is written"),
+            ui.p(
+                "N, B (with f0), K, Q, LSB, R, and GM=20 deg/h @ 100 s, with commas; the entries of another sensor "
+                "after a |. It is drawn, compared with fits, and taken as a model."
+            ),
+        ),
         ui.output_ui("working"),
         *(ui.p(failure, class_="gmwm-error") for failure in failures),
         title="What is looked at",
@@ -128,7 +139,11 @@ def _serve(rooms: Sequence[Room], input: Inputs, session: Session, store: Store)
         shown = store.recording().value
         if shown is None:
             return None
-        return ui.p(shown.about)
+        try:
+            model = model_of(store.state())
+        except ValueError:  # of an input that is being typed
+            model = ""
+        return ui.div(ui.p(shown.about), ui.p(f"Model: {model}", id="chip") if model else None)
 
     @render.ui
     def working() -> Tag | None:

@@ -60,6 +60,8 @@ class State(BaseModel):
 
     boxes: str = Field("WN", max_length=40)
     """Of processes, joined by commas."""
+    more: str = Field("", max_length=80)
+    """Of further processes, joined by commas."""
     gm: int = Field(1, ge=1, le=5, title="Number of GM")
     model: str = Field("", max_length=500, title="Model as text")
     """In place of the boxes."""

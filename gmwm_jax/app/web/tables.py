@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gmwm_jax.app.web.datasheet import Verdict
+from gmwm_jax.app.web.formula import kinds, to_filter
 from gmwm_jax.app.web.truth import beside
 from gmwm_jax.fitting.result import Fit
 from gmwm_jax.fitting.slopes import read_off
@@ -211,6 +213,60 @@ def datasheet(fit: Fit) -> Table:
     [('N', 'ug/sqrt(Hz)'), ('K', 'm/s/h/sqrt(h)')]
     """
     return _of_estimates(fit.datasheet())
+
+
+def formulas(model: Composite, rate: float, signal: str) -> Table:
+    """Tabulate the quantities of a filter of a model, each with its formula and the numbers put in.
+
+    Parameters
+    ----------
+    model
+        All values given; processes that no formula of `gmwm_jax.app.web.formula` is of are named below.
+    rate
+        Sampling rate in Hz.
+    signal
+        SI unit of the signal.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import tables
+    >>> tables.formulas(gj.parse_model("WN(sigma2=1e-6) + BI(B=1e-9)"), 100.0, "rad/s").rows[0][:2]
+    ('WN', 'q')
+    """
+    rows: list[tuple[Cell, ...]] = []
+    others = []
+    for label, p in zip(model.labels, model.processes, strict=True):
+        if p.kind not in kinds():
+            others.append(label)
+            continue
+        steps = to_filter(p.kind, [float(v) for v in p.values], rate, signal)
+        rows += [(label, step.symbol, float(step.value), step.unit, step.text) for step in steps]
+    text = f"Per sample to continuous time at f = {rate:g} Hz"
+    text += f"\nwithout a formula here: {', '.join(others)}" if others else ""
+    return Table(("component", "quantity", "value", "unit", "how"), ("",) * 5, tuple(rows), text)
+
+
+def verdicts(found: Sequence[Verdict]) -> Table:
+    """Tabulate a datasheet against a fit, see `gmwm_jax.app.web.datasheet.verdicts`.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web import datasheet, tables
+    >>> wv = gj.wavelet_variance(gj.datasets.simulated("mti-g", 4000, channels=["gyro_x"]))
+    >>> verdicts = datasheet.verdicts(gj.fit(wv, "WN + RW"), "N=0.05 deg/s/sqrt(Hz)")
+    >>> tables.verdicts(verdicts).rows[0][:2]
+    ('N', 0.05)
+    """
+    rows = tuple((*map(_plain, verdict),) for verdict in found)
+    columns = ("entry", "stated", "measured", "low", "high", "unit", "measured / stated", "verdict")
+    text = (
+        "The datasheet against the fit; N, B and K are compared" if rows else "N, B and K are compared: none is given"
+    )
+    return Table(columns, ("",) * len(columns), rows, text)
+
+
+def _plain(value: Cell) -> Cell:
+    return value if isinstance(value, str) else float(value)
 
 
 def bootstrap(bootstrap: Bootstrap) -> Table:

@@ -1,6 +1,7 @@
 """A model for the channel that is looked at, fitted anew at every change."""
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import plotly.graph_objects as go
@@ -8,15 +9,16 @@ from htmltools import Tag
 from shiny import Inputs, reactive, render, ui
 
 import gmwm_jax as gj
-from gmwm_jax.app.web import figures
+from gmwm_jax.app.web import figures, tables
 from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.datasheet import overlay
 from gmwm_jax.app.web.limits import Limits
-from gmwm_jax.app.web.outputs import output_figure, render_figure, status, text
+from gmwm_jax.app.web.outputs import as_html, output_figure, render_figure, status, text
 from gmwm_jax.app.web.rooms.room import Room
-from gmwm_jax.app.web.rooms.variance import promised
 from gmwm_jax.app.web.saved import Fitted
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Same, Store
+from gmwm_jax.app.web.truth import beside
 
 BOXES = {
     "QN": "QN quantisation",
@@ -25,6 +27,12 @@ BOXES = {
     "DR": "DR drift",
     "GM": "GM Gauss-Markov",
 }
+MORE = {
+    "AR1": "AR1 first order", "BI": "BI bias instability", "FLK": "FLK flicker", "MAT32": "MAT32 Matérn 3/2",
+    "MAT52": "MAT52 Matérn 5/2", "ARMA": "ARMA(1,1)", "FGN": "FGN fractional noise", "SIN": "SIN sinusoid",
+}  # fmt: skip
+_ORDERS = {"ARMA": "ARMA(1,1)"}
+"""Of those that have some; others are written as text."""
 USUAL = ("WN", "WN + RW", "WN + RW + GM", "WN + RW + 2*GM", "WN + RW + 3*GM")
 """Models that are compiled before somebody asks."""
 _MAX_HISTORY = 30
@@ -52,9 +60,65 @@ def model_of(state: State) -> str:
     if state.model.strip():
         return _VALUE.sub(r"\1 fixed", state.model.strip()) if state.hold else state.model.strip()
     ticked = [box for box in state.boxes.split(",") if box in BOXES]
-    if not ticked:
+    more = [_ORDERS.get(box, box) for box in state.more.split(",") if box in MORE]
+    if not ticked and not more:
         raise ValueError("No process is ticked: a model has one at least.")
-    return " + ".join(f"{state.gm}*GM" if box == "GM" and state.gm > 1 else box for box in ticked)
+    own = [f"{state.gm}*GM" if box == "GM" and state.gm > 1 else box for box in ticked]
+    return " + ".join([*own, *more])
+
+
+def parameter_fields(model: gj.Composite) -> list[Tag]:
+    """Make two fields a parameter: what becomes of it, and its value."""
+    made = []
+    names = [
+        (label, q.name, float(v)) for label, p in _parts(model) for q, v in zip(p.parameters, p.values, strict=True)
+    ]
+    for i, (label, name, value) in enumerate(names):
+        made.append(ui.input_select(f"how_{i}", f"{label} {name}", ["free", "start", "fixed"]))
+        made.append(ui.input_text(f"at_{i}", "at", f"{value:.6g}"))
+    return made
+
+
+def model_with(model: gj.Composite, wanted: Sequence[tuple[str, Any]]) -> str:
+    """Write a model of which each parameter is free, starts somewhere or is fixed.
+
+    Parameters
+    ----------
+    model
+        Of which processes.
+    wanted
+        Of each parameter ``"free"``, ``"start"`` or ``"fixed"``, and the value as text.
+
+    Raises
+    ------
+    ValueError
+        A value that is no number; another number of parameters.
+
+    Examples
+    --------
+    >>> from gmwm_jax.app.web.rooms.model import model_with
+    >>> fitted = gj.parse_model("WN(sigma2=1) + GM(beta=0.1, variance=2)")
+    >>> model_with(fitted, [("free", ""), ("fixed", "0.2"), ("free", "")])
+    'WN + GM(beta=0.2 fixed)'
+    """
+    left = list(wanted)
+    if len(left) != model.num_parameters:
+        raise ValueError("The fit has changed since: choose again.")
+    parts = []
+    for _, p in _parts(model):
+        given = []
+        for q in p.parameters:
+            how, text = left.pop(0)
+            if how != "free":
+                given.append(f"{q.name}={float(text):.12g}{' fixed' if how == 'fixed' else ''}")
+        if given and p.kind not in (*BOXES, *MORE):
+            raise ValueError(f"The values of {p.kind} are written as text.")
+        parts.append(f"{p.kind}({', '.join(given)})" if given else p.kind)
+    return " + ".join(parts)
+
+
+def _parts(model: gj.Composite) -> Sequence[tuple[str, Any]]:
+    return tuple(zip(model.labels, model.processes, strict=True))
 
 
 def compile_usual_models() -> None:
@@ -71,6 +135,11 @@ def _ui(state: State, limits: Limits) -> Tag:
     return ui.div(
         ui.h2("Model"),
         ui.input_checkbox_group("boxes", "Processes", BOXES, selected=state.boxes.split(","), inline=True),
+        ui.tags.details(
+            ui.tags.summary("More processes"),
+            ui.input_checkbox_group("more", "Beside them", MORE, selected=state.more.split(","), inline=True),
+            open="" if state.more else None,
+        ),
         ui.div(
             ui.input_numeric("gm", "Number of GM", state.gm, min=1, max=limits.gauss_markov),
             ui.input_text(
@@ -85,7 +154,12 @@ def _ui(state: State, limits: Limits) -> Tag:
         ),
         ui.output_ui("fit_status"),
         output_figure("fitted"),
+        ui.output_ui("true_parameters"),
         ui.output_ui("estimates"),
+        ui.tags.details(
+            ui.tags.summary("Start or hold each parameter"), ui.output_ui("each"),
+            ui.input_action_button("use", "Fit with these", class_="btn-outline-primary"),
+        ),
         ui.output_ui("history"),
     )  # fmt: skip
 
@@ -141,15 +215,41 @@ def _server(input: Inputs, store: Store) -> None:
     def _take() -> None:
         ui.update_text("model", value=str(input.take())[:500])
 
+    @render.ui
+    def each() -> Tag | None:
+        found = fit().value
+        return None if found is None else ui.div(*parameter_fields(found.model), class_="gmwm-controls")
+
+    @reactive.effect
+    @reactive.event(input.use)
+    def _use() -> None:
+        found = fit().value
+        if found is None:
+            return
+        num = found.model.num_parameters
+        wanted = [(str(input[f"how_{i}"]()), input[f"at_{i}"]()) for i in range(num) if f"how_{i}" in input]
+        try:
+            ui.update_text("model", value=model_with(found.model, wanted))
+            ui.update_switch("hold", value=False)
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+
+    @render.ui
+    def true_parameters() -> Tag | None:
+        there, found, truth = printed().value, fit().value, store.truth()
+        if there is None or found is None or truth is None or not any(v > 0 for v in beside(found.model, truth)):
+            return None
+        return as_html(tables.estimates(found, truth))
+
     @reactive.effect
     @reactive.event(input.adopt)
     def _adopt() -> None:
         found, state = fit().value, store.state()
         if found is None or not state.datasheet:
-            ui.notification_show("Room Variance has a field for the datasheet: fill it in first.", type="warning")
+            ui.notification_show("The field for the datasheet is at the left: fill it in first.", type="warning")
             return
         try:
-            models = promised(state.datasheet, found.rate) or {}
+            models = overlay(state.datasheet, found.rate)
             model = models.get(found.wv.units[0])
             if model is None:
                 raise ValueError(f"The datasheet says nothing of a channel in {found.wv.units[0]}.")
@@ -167,10 +267,10 @@ def _server(input: Inputs, store: Store) -> None:
             return Outcome(error=outcome.error, busy=outcome.busy)
         state = store.state()
         try:
-            sheet = promised(state.datasheet, found.rate) if found.rate else None
+            sheet = overlay(state.datasheet, found.rate) if found.rate else {}
         except ValueError as error:
             return Outcome(error=str(error))
-        of_channel = {si: model for si, model in (sheet or {}).items() if si in found.wv.units}
+        of_channel = {si: model for si, model in sheet.items() if si in found.wv.units}
         return figures.fit(found, residuals=state.residuals, datasheet=of_channel or None)
 
     @render.ui

@@ -1,20 +1,19 @@
 """Wavelet and Allan variances of all channels, with intervals."""
 
-import re
 from typing import Any
 
 import plotly.graph_objects as go
 from htmltools import Tag
 from shiny import Inputs, reactive, render, ui
 
-import gmwm_jax as gj
-from gmwm_jax.app.web import figures
+from gmwm_jax.app.web import figures, tables
 from gmwm_jax.app.web.computed import Outcome
+from gmwm_jax.app.web.datasheet import overlay
 from gmwm_jax.app.web.limits import Limits
-from gmwm_jax.app.web.outputs import output_figure, render_figure, status, text
+from gmwm_jax.app.web.outputs import as_html, output_figure, render_figure, status
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State
-from gmwm_jax.app.web.store import Store
+from gmwm_jax.app.web.store import Same, Store
 
 UNITS: dict[str, dict[str, str]] = {
     "si": {},
@@ -35,13 +34,6 @@ def _ui(state: State, limits: Limits) -> Tag:
                 "efficiency", "Efficiency", state.efficiency, min=0.5, max=0.99, step=0.05, update_on="blur"
             ),
             ui.input_select("unit", "Unit", units, selected=state.unit),
-            ui.input_text(
-                "datasheet",
-                "Datasheet",
-                state.datasheet,
-                placeholder="N=0.15 deg/sqrt(h), B=10 deg/h",
-                update_on="blur",
-            ),
             ui.input_switch("allan", "Allan variance", state.allan),
             ui.input_switch("deviation", "Deviation", state.deviation),
             ui.input_switch("in_samples", "Scales in samples", state.in_samples),
@@ -53,34 +45,9 @@ def _ui(state: State, limits: Limits) -> Tag:
         ),
         ui.output_ui("variance_status"),
         output_figure("variances"),
+        ui.output_ui("read_off"),
         ui.output_ui("scales"),
     )
-
-
-def promised(text: str, rate: float) -> dict[str, Any] | None:
-    """Read a datasheet's entries, and make by SI unit the model that they are.
-
-    Raises
-    ------
-    ValueError
-        As of `gmwm_jax.from_datasheet`.
-
-    Examples
-    --------
-    >>> from gmwm_jax.app.web.rooms.variance import promised
-    >>> promised("N=0.15 deg/sqrt(h)", 100.0)["rad/s"].labels
-    ('WN',)
-    """
-    if not text.strip():
-        return None
-    entries = {}
-    for part in re.split(r"[,;]", text):
-        name, equals, value = part.partition("=")
-        if not equals:
-            raise ValueError(f'Datasheet: "{part.strip()}" is no entry; write N=0.15 deg/sqrt(h), several with commas.')
-        entries[name.strip()] = value.strip()
-    model, signal = gj.from_datasheet(entries, rate)
-    return {signal: model}
 
 
 def _server(input: Inputs, store: Store) -> None:
@@ -95,9 +62,9 @@ def _server(input: Inputs, store: Store) -> None:
         if robust is not None and robust.value is None:
             return robust
         try:
-            datasheet = promised(state.datasheet, wv.rate)
+            datasheet = overlay(state.datasheet, wv.rate) if state.datasheet.strip() else None
             units = UNITS[state.unit]
-            if channel is not None and len(wv.channels) > 1 and (store.narrow() or not state.every):
+            if channel is not None and len(wv.channels) > 1 and not state.every:
                 wv = wv[channel]
             other = None if robust is None or robust.value is None else robust.value
             if other is not None and other.channels != wv.channels:
@@ -106,6 +73,7 @@ def _server(input: Inputs, store: Store) -> None:
                 wv, allan=state.allan, samples=state.in_samples, deviation=state.deviation, band=state.band,
                 datasheet=datasheet, robust=other, slopes=state.slopes,
                 unit={str(si): units.get(si, str(si)) for si in wv.units},
+                columns=1 if store.narrow() else 3,
             )  # fmt: skip
         except ValueError as error:
             return str(error)
@@ -124,10 +92,30 @@ def _server(input: Inputs, store: Store) -> None:
             return store.themed(found)
         return found if isinstance(found, Outcome) else None
 
+    def tabled_key() -> Any:
+        wv, channel = store.variance().value, store.channel()
+        return None if wv is None or channel is None else (Same(wv), channel)
+
+    def tabulate(key: Any) -> tuple[str, tables.Table, tables.Table | None]:
+        """Warnings of all channels, the scales of the one that is looked at, and what is read off all of them."""
+        wv, channel = key[0].value, key[1]
+        readable = wv.rate and wv.num_scales >= 3
+        said = "\n".join(f"Warning: {w}." for w in wv.warnings)
+        return said, tables.scales(wv[channel]), tables.readings(wv) if readable else None
+
+    tabled = store.computed(tabled_key, tabulate, "")
+
     @render.ui
     def scales() -> Tag | None:
-        wv = store.variance().value
-        return text(wv)
+        found = tabled().value
+        if found is None:
+            return None
+        return ui.div(ui.p(found[0], class_="gmwm-error") if found[0] else None, as_html(found[1]))
+
+    @render.ui
+    def read_off() -> Tag | None:
+        found = tabled().value
+        return None if found is None or found[2] is None else as_html(found[2])
 
 
 ROOM = Room("variance", "Variance", _ui, _server)
