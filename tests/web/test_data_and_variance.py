@@ -205,10 +205,15 @@ def test_wrong_inputs_get_their_label_and_nothing_stale_stays(open_page):
 
 @pytest.mark.parametrize(("size", "scheme"), [((1280, 900), "light"), ((390, 844), "dark")])
 def test_no_room_is_wider_than_the_page(open_page, size, scheme):
-    page = open_page("?room=variance&samples=5000", size=size, scheme=scheme)
+    page = open_page("?room=variance&samples=5000&slopes=1", size=size, scheme=scheme)
     drawn(page, "variances")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= size[0]
     assert page.evaluate("() => document.documentElement.dataset.bsTheme") == scheme
     assert page.evaluate(NUM_FRAMES) == 6
     at = "() => Object.values(variances._fullLayout).filter(v => v && v._id && v._id[0] === 'x').map(v => v.domain[0])"
     assert len(set(page.evaluate(at))) == (1 if size[0] < 560 else 3)  # one below the other on a phone
+    ends = """() => [variances.querySelector('.legend').getBoundingClientRect().top, Math.max(
+        ...[...variances.querySelectorAll('[class*=xtitle], .x6title')].map(e => e.getBoundingClientRect().bottom))]"""
+    until(lambda: np.subtract(*page.evaluate(ends)) > 0)  # the legend lies below the titles of the axes
+    page.set_viewport_size({"width": size[0] - 70, "height": size[1]})  # with more lines
+    until(lambda: np.subtract(*page.evaluate(ends)) > 0)

@@ -26,7 +26,8 @@ class Step(NamedTuple):
     @property
     def text(self) -> str:
         """The line as it is read."""
-        return f"{self.symbol} = {self.formula} = {self.numbers} = {self.value:.7g} {self.unit}"
+        formula = "" if self.formula == self.symbol else f" = {self.formula}"
+        return f"{self.symbol}{formula} = {self.numbers} = {self.value:.7g} {self.unit}"
 
 
 class _Rule(NamedTuple):

@@ -294,7 +294,12 @@ def _axis(axis: Axis, ends: tuple[float, float] | None, *, titled: bool = True) 
         low, high = math.log10(ends[0]), math.log10(ends[1])
         pad = 0.03 * (high - low) + 0.05
         low, high = low - pad, high + pad
-        made |= {"type": "log", "exponentformat": "power", "dtick": -(-int(high - low) // _MAX_LABELLED) or 1}
+        made |= {
+            "type": "log",
+            "tickangle": 0,
+            "exponentformat": "power",
+            "dtick": -(-int(high - low) // _MAX_LABELLED) or 1,
+        }
         if math.floor(high) - math.ceil(low) < 1:  # less than two powers of ten: numbers between them
             powers = [m * 10.0**k for k in range(math.floor(low), math.ceil(high) + 1) for m in (1, 2, 5)]
             labels = [f"{p:.4g}" if 1e-3 < p < 1e4 else _power(p) for p in powers]
@@ -323,15 +328,16 @@ def _layout(height: int, note: str) -> dict[str, Any]:
     return {
         "height": height,
         "autosize": True,
-        "margin": {"l": 80, "r": 16, "t": 40, "b": 50},
+        "margin": {"l": 80, "r": 16, "t": 40, "b": 60},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
         "font": {"family": "system-ui, sans-serif", "size": 13, "color": TEXT},
         "hoverlabel": {"namelength": -1},
         "legend": {
             "orientation": "h",
-            "yanchor": "top",  # below the title of the lowest axis, with a margin that grows with its lines
-            "y": -70 / (height - 90),
+            "yref": "container",  # at the lower end; the page's script makes place for its lines
+            "yanchor": "bottom",
+            "y": 0,
             "x": 0,
             "title": {"text": note, "side": "top", "font": {"size": 12}},
             "itemwidth": 40,

@@ -1,5 +1,6 @@
 """What rooms show: figures, texts and the state of a computation."""
 
+import math
 from typing import Any
 
 import plotly.graph_objects as go
@@ -51,7 +52,9 @@ def as_html(table: Table) -> Tag:
         return ui.tags.th(f"{name} [{unit}]" if unit else name, scope="col")
 
     def cell(value: Any) -> Tag:
-        return ui.tags.td(f"{value:.5g}" if isinstance(value, float) else str(value))
+        if isinstance(value, float):
+            return ui.tags.td(f"{value:.5g}" if math.isfinite(value) else "-")
+        return ui.tags.td(str(value))
 
     heads = ui.tags.tr(*(head(*pair) for pair in zip(table.columns, table.units, strict=True)))
     rows = [ui.tags.tr(*map(cell, row)) for row in table.rows]

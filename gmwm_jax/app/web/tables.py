@@ -57,7 +57,8 @@ def recording(rec: Recording) -> Table:
         for unit, (name, x) in zip(rec.units, rec.items(), strict=True)
     )
     columns = ("channel", "unit", "samples", "missing", "mean", "standard deviation", "lowest", "highest")
-    text = f"{rec.name or 'Recording'}: {rec.duration:.6g} s at {rec.rate:g} Hz; numbers in the unit of the row"
+    length = f"{len(rec)} samples, {rec.duration:.6g} s at {rec.rate:g} Hz"
+    text = f"{rec.name or 'Recording'}: {length}; numbers in the unit of the row"
     if rec.understood is not None:
         text += f"\n{rec.understood.in_short()}"
     return Table(columns, ("",) * 8, rows, text)

@@ -145,14 +145,14 @@ def _server(input: Inputs, store: Store) -> None:
         """The lines, and the tables where there are samples."""
         rec, remarks = key.value.recording, key.value.remarks
         tabled = () if rec is None else (tables.recording(rec), tables.preview(rec))
-        return "\n".join([*([repr(rec)] if rec is not None else []), *remarks]), *tabled
+        return "\n".join(remarks), *tabled
 
     known = store.computed(described, describe, "")
 
     @render.ui
     def facts() -> Tag | None:
         found = known().value
-        return None if found is None else ui.div(text(found[0]), *(as_html(table) for table in found[1:2]))
+        return None if found is None else ui.div(text(found[0] or None), *(as_html(table) for table in found[1:2]))
 
     @render.ui
     def first_samples() -> Tag | None:

@@ -1,6 +1,16 @@
 // Draws the figures of the page, keeps its link, and tells sizes of files before they are sent.
 (function () {
   "use strict";
+  // the legend has as many lines as the width asks for: below the title of the lowest axis there is place for all
+  function makePlace(el) {
+    const legend = el.querySelector(".legend"), margin = el._fullLayout && el._fullLayout.margin;
+    if (!legend || !margin || !el.offsetParent) return;
+    const lines = legend.getBoundingClientRect().height, bottom = Math.round(60 + lines);
+    if (!lines || Math.abs(margin.b - bottom) < 2) return;
+    const height = el.baseHeight + Math.max(0, Math.round(lines - 40));
+    el.style.height = height + "px";
+    Plotly.relayout(el, { "margin.b": bottom, height: height });
+  }
   class Figure extends Shiny.OutputBinding {
     find(scope) {
       return $(scope).find(".gmwm-figure");
@@ -8,7 +18,8 @@
     async renderValue(el, message) {
       const state = el.parentElement.querySelector(".gmwm-state");
       if (!message) {
-        Plotly.purge(el);
+        Plotly.purge(el); // with what listens to it
+        el.placed = false;
         el.removeAttribute("aria-label");
         el.removeAttribute("data-drawn");
         el.style.height = "";
@@ -24,14 +35,25 @@
       const figure = JSON.parse(message.figure);
       const layout = figure.layout;
       const alt = (layout.meta && layout.meta.alt) || "";
+      el.baseHeight = layout.height;
       el.style.height = layout.height + "px";
       if (el.clientWidth < 560) { // a phone: less margin
         layout.margin = Object.assign({}, layout.margin, { l: 62, r: 6 });
+        for (const axis of Object.values(layout)) { // and fewer numbers along it
+          if (axis && axis.type === "log" && axis.anchor && axis.anchor[0] === "y" && Number(axis.dtick)) {
+            axis.dtick = Math.max(axis.dtick, Math.ceil((axis.range[1] - axis.range[0]) / 5));
+          }
+        }
       }
       await Plotly.react(el, figure.data, layout, {
         responsive: true, displaylogo: false, toImageButtonOptions: { format: "svg", filename: message.name },
         modeBarButtonsToRemove: ["select2d", "lasso2d"],
       });
+      if (!el.placed) {
+        el.placed = true;
+        el.on("plotly_afterplot", function () { makePlace(el); });
+      }
+      makePlace(el);
       el.setAttribute("role", "img");
       el.setAttribute("aria-label", alt);
       el.classList.remove("gmwm-stale");
