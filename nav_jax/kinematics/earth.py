@@ -47,6 +47,11 @@ class AbstractEarth(eqx.Module):
     def rate_n(self, position: Vector) -> Vector:
         """The rotation vector of the Earth, and so of n, in n, (3, ...) rad/s: the same at all positions."""
 
+    def gradient_n(self, position: Vector) -> Float[Array, "3 3 ..."]:
+        """Derivative of gravity by the position, component first, in 1/s^2; by that of `gravity_n` unless stated."""
+        along = [jnp.zeros_like(position).at[i].set(1.0) for i in range(3)]
+        return jnp.stack([jax.jvp(self.gravity_n, (position,), (e,))[1] for e in along], axis=1)
+
     @abc.abstractmethod
     def height(self, position: Vector) -> Float[Array, "..."]:
         """Height above the surface through the origin of n, (...) m."""
@@ -129,7 +134,4 @@ class EarthInLoops(eqx.Module):
 
     def gradient(self, position: Float[Array, "3 R"]) -> Float[Array, "3 3 R"] | None:
         """Derivative of gravity by the position, component first, in 1/s^2; None where gravity is uniform."""
-        if self.constant is not None:
-            return None
-        along = [jnp.zeros_like(position).at[i].set(1.0) for i in range(3)]
-        return jnp.stack([jax.jvp(self.earth.gravity_n, (position,), (e,))[1] for e in along], axis=1)
+        return self.earth.gradient_n(position) if self.constant is None else None

@@ -21,12 +21,12 @@ off at 20 km.
 
 from typing import Any, ClassVar, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from gmwm_jax._internal.checks import concrete
+from gmwm_jax._internal.host import namespace
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Vector
 from nav_jax.kinematics.earth import AbstractEarth
@@ -74,8 +74,9 @@ def normal_gravity(square: Any, height: Any) -> Any:
     >>> round(normal_gravity(0.5, 0.0), 6)  # at 45 deg
     9.806199
     """
-    surface = _EQUATOR * (1 + _K * square) / (1 - E2 * square) ** 0.5
-    return surface * (1 - 2 / A * (1 + F + _M - 2 * F * square) * height + 3 * height**2 / A**2)
+    xp = namespace(square, height)
+    surface = _EQUATOR * (1 + _K * square) / xp.sqrt(1 - E2 * square)
+    return surface * (1 - 2 / A * (1 + F + _M - 2 * F * square) * height + 3 / A**2 * height * height)
 
 
 class Wgs84(AbstractEarth):
@@ -128,6 +129,32 @@ class Wgs84(AbstractEarth):
         up, square, height = self._normal(position)
         return -normal_gravity(square, height)[None] * up
 
+    def gradient_n(self, position: Vector) -> Array:
+        """In closed form, which costs a tenth of a derivative by the position.
+
+        With the radii M of the meridian and N across, the normal u turns by north north'/(M + h) + east east'/(N + h).
+        In a = axis - sin(lat) u, which is cos(lat) towards the north, that is (1 - u u')/(N + h) + c a a' with
+        c = (1/(M + h) - 1/(N + h))/cos^2(lat) = N e'^2/(w^2 (M + h) (N + h)), e'^2 = e^2 as N - M = N e^2 cos^2/w^2.
+        """
+        up, square, height = self._normal(position)
+        axis = _column(self.axis, position)
+        sine = dot(up, axis)
+        a = axis - sine[None] * up
+        w2 = 1 - E2 * square
+        N = A / jnp.sqrt(w2)
+        of_meridian, across = N * (1 - E2) / w2 + height, N + height
+        gamma = normal_gravity(square, height)
+        surface, one = normal_gravity(square, jnp.zeros_like(height)), 1 + F + _M - 2 * F * square
+        by_height = surface * (-2 / A * one + 6 / A**2 * height)
+        # along the latitude, without the change of the decrease with height
+        along = gamma * (_K / (1 + _K * square) + E2 / (2 * w2)) + surface * (4 * F / A) * height
+        by_place = by_height[None] * up + (along * 2 * sine / of_meridian)[None] * a
+        turned = gamma * N * E2 / (w2 * of_meridian * across)
+        unit = jnp.eye(3).reshape((3, 3) + (1,) * (position.ndim - 1))
+        pairs = up[:, None] * up[None]
+        level = (gamma / across)[None, None] * (unit - pairs) + turned[None, None] * (a[:, None] * a[None])
+        return -level - up[:, None] * by_place[None]
+
     def rate_n(self, position: Vector) -> Vector:  # noqa: D102
         return jnp.broadcast_to(_column(RATE * self.axis, position), position.shape)
 
@@ -141,10 +168,11 @@ class Wgs84(AbstractEarth):
         z = dot(axis, R)
         across = R - z[None] * axis
         s2, z2 = dot(across, across), z * z
-        cubed = (A**2 * z2 + B**2 * s2) ** -1.5
+        inverse = 1 / jnp.sqrt(A**2 * z2 + B**2 * s2)
+        cubed = inverse * inverse * inverse
         normal = (1 - E2 * A * B**3 * s2 * cubed)[None] * across
         normal = normal + (z * (1 + EP2 * A**3 * B * z2 * cubed))[None] * axis
-        up = normal * jax.lax.rsqrt(dot(normal, normal))[None]
+        up = normal * (1 / jnp.sqrt(dot(normal, normal)))[None]
         square = dot(up, axis) ** 2
         return up, square, dot(up, R) - A * jnp.sqrt(1 - E2 * square)
 
