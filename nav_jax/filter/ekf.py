@@ -52,12 +52,14 @@ def mechanise_with_motion(
     ends: Float[Array, " n"],
     bank: SensorBank,
     earth: EarthInLoops,
+    gradient: Float[Array, "3 3 R"] | None,
     *,
     with_reading: bool = False,
 ) -> tuple[NavState, Motion]:
     """Advance the estimate by one covariance step, and sum up the motion over it.
 
-    The mean reading is a part of it where the bank depends on it, or on demand.
+    The gradient is that of gravity somewhere near, None where that is the same everywhere; the mean reading is a part
+    of the motion where the bank depends on it, or on demand.
     """
     with_reading = with_reading or bank.depends
     first, T = state, jnp.sum(dt)
@@ -93,8 +95,8 @@ def mechanise_with_motion(
     once, twice = falls
     S_1 = state.v - first.v - once
     S_2 = state.p - first.p - T * first.v - twice
-    gradient = earth.gradient((first.p + state.p) / 2)
-    return state, Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient, earth.rate)
+    motion = Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient, earth.rate)
+    return jax.lax.optimization_barrier((state, motion))
 
 
 def _piece(state, sample, dt, ends, bank, earth):

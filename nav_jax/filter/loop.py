@@ -62,20 +62,20 @@ def run_estimate(
     one = _identity(P_start, inputs.start.p.shape[1]) if remember else None
 
     def step(carry, given):
-        state, P, status, noise, Phi = carry
+        state, P, status, noise, Phi, pull = carry
         kind, imu, own = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
-        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth)
+        state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth, pull)
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
         kept = _estimate(state, bank, claim(P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None
-        return (state, P, status, noise, Phi), kept
+        return (state, P, status, noise, Phi, pull), kept
 
     def event(carry, given):
-        state, P, status, noise, Phi = carry
+        state, P, status, noise, Phi, _ = carry
         at, z, own = given
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
@@ -90,11 +90,14 @@ def run_estimate(
         if predict:  # the derivative is that of the update: what it has moved is of second order
             residual = whitened(at.whitening, z - aiding.predict(state, reading))
             left = Comparison(residual, residual_covariance(whole, H, variance))
-        return (state, P, status, noise, one), (judgement, innovation, done.variance, state, memory, left)
+        pull = timeline.earth.gradient(state.p)
+        return (state, P, status, noise, one, pull), (judgement, innovation, done.variance, state, memory, left)
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
-    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one)
+    # the gradient of gravity is that where a segment begins: on the Earth it changes by 5e-7 of itself with each metre
+    pull = timeline.earth.gradient(inputs.start.p)
+    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one, pull)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
     events = (_events(timeline), inputs.z, inputs.errors.per_segment)
     last, (kept, out) = time_loop(step, event, start, steps, events)
@@ -132,18 +135,18 @@ def reference_gains(
     one = _identity(P_start, 1) if remember else None
 
     def step(carry, given):
-        state, P, Phi = carry
+        state, P, Phi, pull = carry
         kind, imu = given
         state, motion = mechanise_with_motion(
-            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.earth
+            state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.earth, pull
         )
         now = jax.tree.map(lambda a: a[kind], kinds)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
-        return (state, P, Phi), claim(P, alike, imu[0, :, None]).sd if trace else None
+        return (state, P, Phi, pull), claim(P, alike, imu[0, :, None]).sd if trace else None
 
     def event(carry, at):
-        state, P, Phi = carry
+        state, P, Phi, _ = carry
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed, state.x) if moves else None
         H = aiding.derivative(state, reading, bank) if constant is None else constant
@@ -151,11 +154,13 @@ def reference_gains(
         P = blocks(whole)
         kept = H if constant is None else None
         memory = None if Phi is None else Memory(whole, done.gain, Phi, kept)
-        return (state, P, one), Gains(done, claim(P, alike, sensed), memory, kept, None)
+        pull = timeline.earth.gradient(state.p)
+        return (state, P, one, pull), Gains(done, claim(P, alike, sensed), memory, kept, None)
 
     P = blocks(P_start[:, :, None])
     events = _events(timeline)
-    _, (sd, gains) = time_loop(step, event, (start, P, one), (timeline.pattern, timeline.imu), events)
+    carry = (start, P, one, timeline.earth.gradient(start.p))
+    _, (sd, gains) = time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)
     return gains._replace(sd=(claim(P, alike, _first(timeline)).sd, sd)) if trace else gains
 
 

@@ -134,4 +134,7 @@ class EarthInLoops(eqx.Module):
 
     def gradient(self, position: Float[Array, "3 R"]) -> Float[Array, "3 3 R"] | None:
         """Derivative of gravity by the position, component first, in 1/s^2; None where gravity is uniform."""
-        return self.earth.gradient_n(position) if self.constant is None else None
+        if self.constant is not None:
+            return None
+        # computed once: XLA would put it into each of the products that it stands in
+        return jax.lax.optimization_barrier(self.earth.gradient_n(position))

@@ -76,12 +76,16 @@ def motion_of(experiment: Experiment) -> Motion:
     timeline = experiment.timeline
     none = _no_states()
 
-    def step(state, given):
-        kind, imu = given
-        dt, ends = timeline.dt[kind], timeline.ends[kind]
-        return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.earth, with_reading=True)
-
     def segment(state, given):
+        pull = timeline.earth.gradient(state.p)
+
+        def step(state, given):
+            kind, imu = given
+            dt, ends = timeline.dt[kind], timeline.ends[kind]
+            return mechanise_with_motion(
+                state, imu[:, :, None], dt, ends, none, timeline.earth, pull, with_reading=True
+            )
+
         return jax.lax.scan(step, state, given)
 
     return jax.lax.scan(segment, experiment.start, (timeline.pattern, timeline.imu))[1]

@@ -86,7 +86,7 @@ def true_transition(imu, start):
 
 @jax.jit
 def propagated(P, imu, start):
-    _, along = mechanise_with_motion(start, imu, jnp.full(len(imu), DT), jnp.ones(len(imu)), BANK, EARTH)
+    _, along = mechanise_with_motion(start, imu, jnp.full(len(imu), DT), jnp.ones(len(imu)), BANK, EARTH, None)
     along = jax.tree.map(lambda a: jnp.broadcast_to(a, (*a.shape[:-1], P.shape[-1])), along)
     return full(propagate(blocks(P), along, step_of(len(imu))))
 
@@ -215,7 +215,7 @@ def test_step_is_that_of_van_loan_in_r(shared):
         *(jnp.asarray(a)[:, None] for a in (x[:3], x[3:6], C.as_quat(scalar_first=True), x[9:][to_ours - 9]))
     )
     dt, one = jnp.full(1, DT), jnp.ones(1)
-    end, along = mechanise_with_motion(start, jnp.asarray(imu)[None, :, None], dt, one, bank, EARTH)
+    end, along = mechanise_with_motion(start, jnp.asarray(imu)[None, :, None], dt, one, bank, EARTH, None)
     n = len(pick)
     P = np.zeros((n, n, n + 1))
     P[np.arange(n), np.arange(n), np.arange(n)] = 1.0

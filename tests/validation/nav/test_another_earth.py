@@ -161,11 +161,12 @@ def stated_and_derived(sample, dt):
     given = ([30.0, -20.0, -15.0], [80.0, -30.0, 10.0], q, [])
     start = NavState(*(jnp.asarray(a)[:, None] for a in given))
     imu, steps, ends = jnp.broadcast_to(sample[:, None], (8, 6, 1)), jnp.full(8, dt), jnp.ones(8)
-    there, along = mechanise_with_motion(start, imu, steps, ends, BANK, EARTH)
+    pull = EARTH.gradient(start.p + 4 * dt * start.v)  # half way
+    there, along = mechanise_with_motion(start, imu, steps, ends, BANK, EARTH, pull)
     stated = transition(jnp.eye(9)[:, :, None], along, step_noise(alone(BANK), steps, ends))[:, :, 0]
 
     def after(c):
-        found, _ = mechanise_with_motion(inject(start, c[:, None]), imu, steps, ends, BANK, EARTH)
+        found, _ = mechanise_with_motion(inject(start, c[:, None]), imu, steps, ends, BANK, EARTH, None)
         psi = quat_to_rotvec(quat_multiply(found.q, quat_conjugate(there.q)))
         return jnp.concatenate([found.p - there.p, found.v - there.v, psi])[:, 0]
 
