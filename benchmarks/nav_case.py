@@ -38,8 +38,8 @@ def reference(duration: float = 300.0):
     return lemniscate(duration, 100.0, attitude="navigation", gravity=GRAVITY)
 
 
-def scenario(duration: float = 300.0, every: int = 1) -> Scenario:
-    return Scenario(reference(duration), aiding(duration), earth=FlatEarth(GRAVITY), every=every)
+def scenario(duration: float = 300.0, every: int = 1, earth=None) -> Scenario:
+    return Scenario(reference(duration), aiding(duration), earth=earth or FlatEarth(GRAVITY), every=every)
 
 
 def options(num_runs: int) -> dict:
