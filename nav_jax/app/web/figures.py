@@ -12,10 +12,8 @@ from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.filter_design import Design
 from nav_jax.plotting.comparison import consistency_data, mean_errors_data
 from nav_jax.plotting.lincov import analysis_data, budget_data, design_data
-from nav_jax.plotting.navigation import navigation_data
 from nav_jax.plotting.runs import errors_data, sensor_states_data
 from nav_jax.plotting.trajectory import trajectory_data
-from nav_jax.recorded.navigation import Navigation
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
@@ -164,31 +162,6 @@ def sensor_states(runs: Runs, *, columns: int = 2) -> go.Figure:
         Frames in a row.
     """
     return _of_runs(sensor_states_data(runs, max_runs=15), columns)
-
-
-def drive(found: Navigation, *, columns: int = 2) -> go.Figure:
-    """Draw where a recorded drive went: plan and height.
-
-    Parameters
-    ----------
-    found
-        Of `nav_jax.navigate`.
-    columns
-        Frames in a row.
-    """
-    frames = navigation_data(found)[:2]
-    labels = list(dict.fromkeys(i.label for f in frames for i in f.items if i.label))
-
-    def style(_: Frame, i: int, item: Item) -> Style:
-        if isinstance(item, Span):
-            return Style(_OUTAGE, opacity=0.2)
-        at = labels.index(item.label) if item.label in labels else i
-        colour = COLOURS[at % len(COLOURS)]
-        return Style(colour, symbol=SYMBOLS[at % len(SYMBOLS)]) if isinstance(item, Points) else Style(colour)
-
-    figure = figure_of(frames, style, columns=columns, height=_height(len(frames), columns))
-    figure.update_yaxes(scaleanchor="x", row=1, col=1)
-    return figure
 
 
 def _with_claims(frame: Frame) -> Frame:

@@ -10,7 +10,6 @@ from nav_jax.lincov.analysis import Analysis
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Design, judged
-from nav_jax.recorded.navigation import Navigation
 from nav_jax.simulation.comparison import Comparison
 
 _DEGREES = float(np.rad2deg(1.0))
@@ -63,13 +62,13 @@ def comparison(found: Comparison) -> Table:
     """
     ranked = found.table()
     rows = tuple(
-        (one.model, one.mean_position, one.mean_position_se, _DEGREES * one.mean_orientation, one.energy_score,
-         one.nees, _yes(one.nees_inside), one.coverage, _yes(one.coverage_inside), one.verdict)
+        (one.model, one.verdict, one.mean_position, one.mean_position_se, _DEGREES * one.mean_orientation,
+         one.energy_score, one.nees, _yes(one.nees_inside), one.coverage, _yes(one.coverage_inside))
         for one in ranked
     )  # fmt: skip
-    columns = ("filter", "mean position error", "standard error", "mean orientation error", "energy score",
-               "NEES / dof", "in band", "coverage", "in band", "verdict")  # fmt: skip
-    units = ("", "m", "m", "deg", "m", "1", "", "1", "", "")
+    columns = ("filter", "verdict", "mean position error", "standard error", "mean orientation error", "energy score",
+               "NEES / dof", "in band", "coverage", "in band")  # fmt: skip
+    units = ("", "", "m", "m", "deg", "m", "1", "", "1", "")
     asked = {r.num_requested for r in found.runs.values()}
     cut = "" if ranked.num_runs >= max(asked) else f" of {max(asked)} that were asked for"
     text = f"Monte Carlo at {ranked.time:g} s: {ranked.num_runs} common runs{cut}; NEES and coverage of the pose"
@@ -140,24 +139,6 @@ def design(found: Design) -> Table:
     columns = ("filter", "states", "position", "claimed", "NEES / 9", "remark")
     text = f"Filters designed for this trajectory by their {found.objective}.{cut}"
     return Table(columns, ("", "1", "m", "m", "1", ""), tuple(rows), text)
-
-
-def drive(found: Navigation, name: str) -> Table:
-    """Tabulate how well a recorded drive was navigated: innovations of each sensor.
-
-    Parameters
-    ----------
-    found
-        Of `nav_jax.navigate`.
-    name
-        Of the filter.
-    """
-    rows = tuple(
-        (sensor, len(nis), found.innovation[sensor].shape[1], _number(nis.mean() / found.innovation[sensor].shape[1]))
-        for sensor, nis in found.nis.items()
-    )
-    text = f"{name}: {found.time[0]:g} .. {found.time[-1]:g} s, {found.status.name}"
-    return Table(("sensor", "fixes", "components", "mean NIS / components"), ("", "1", "1", "1"), rows, text)
 
 
 def _number(value: Any) -> float:

@@ -38,9 +38,9 @@ STEPS = (
     Step(
         "Recapitulation: a model whose truth is known",
         "White noise, a Gauss-Markov process and a drift are simulated, fitted, and compared with the truth. Of how "
-        f"many samples the printed intervals are is not said; here there are {recap.NUM_SAMPLES}. The link fits the "
-        "same processes to a simulated sensor.",
-        {"room": "model", "sensor": tutorial.SENSOR, "channel": tutorial.CHANNEL, "boxes": "WN,GM,DR"},
+        f"many samples the printed intervals are is not said; here there are {recap.NUM_SAMPLES}. The link simulates "
+        "the same record and marks the truth beside the intervals.",
+        {"room": "inference", "own": recap.TRUTH, "samples": recap.NUM_SAMPLES, "boxes": "WN,GM,DR"},
         lambda: [recap.table()],
     ),
 )  # fmt: skip

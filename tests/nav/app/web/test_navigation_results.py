@@ -64,7 +64,7 @@ def test_the_analysis_is_drawn_and_tabulated_as_it_is(analysis):
 def test_runs_are_drawn_and_ranked(runs):
     table = tables.comparison(runs)
     assert [row[0] for row in table.rows] == [one.model for one in runs.table()]
-    assert [row[-1] for row in table.rows] == [one.verdict for one in runs.table()]
+    assert [row[1] for row in table.rows] == [one.verdict for one in runs.table()]
     assert "12 common runs;" in table.text
     drawn = curves(figures.comparison(runs))
     assert {"right", "sure", "consistent"} <= set(drawn)
