@@ -85,6 +85,13 @@ def test_the_recommended_model_is_adopted(open_page, wv):
     while page.locator("#model").input_value() != expected.recommended.name and time.monotonic() < end:
         time.sleep(0.1)
     assert page.locator("#model").input_value() == expected.recommended.name
+    page.locator("#nested").click()
+    enter(page, "superset", "WN + RW; WN + QN")
+    page.locator("#rank").click()
+    page.locator("#ranked_table", has_text="2 models within").wait_for()
+    page.locator("#nested").click()
+    page.locator("#rank").click()
+    page.locator("#ranked_status .gmwm-error", has_text="one model with all its parts").wait_for()
     enter(page, "superset", "nonsense")
     page.locator("#rank").click()
     page.locator("#ranked_status .gmwm-error", has_text="nonsense").wait_for()

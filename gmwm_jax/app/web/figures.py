@@ -421,9 +421,9 @@ def selection(selection: Selection) -> go.Figure:
     half = np.concatenate([group.high - group.x for group in groups])
     around = float(np.median(half[half > 0])) / 2 if np.any(half > 0) else 1.0
 
-    def place(x: np.ndarray | float) -> np.ndarray:
+    def place(x: np.ndarray) -> np.ndarray:
         # linear around zero and logarithmic beyond: a difference of a thousand does not hide those that matter
-        return np.arcsinh(np.asarray(x) / around)
+        return np.arcsinh(x / around)
 
     placed = [g._replace(x=place(g.x), low=place(g.low), high=place(g.high)) for g in groups]
     shown = frame._replace(items=(*placed, Mark("", 0.0)), x=Axis(frame.x.label, ""))
@@ -434,7 +434,7 @@ def selection(selection: Selection) -> go.Figure:
     ends = [min(float(np.min(g.low)) for g in groups), max(float(np.max(g.high)) for g in groups)]
     powers = 10.0 ** np.arange(np.ceil(np.log10(around)), np.ceil(np.log10(max(ends[1], 10 * around))) + 1)
     ticks = [-powers[0], 0.0, *powers] if ends[0] < -powers[0] / 2 else [0.0, *powers]
-    low, high = place(ends[0]) - 0.3, place(ends[1]) + 0.3
+    low, high = place(np.array(ends)) + np.array([-0.3, 0.3])
     return made.update_xaxes(tickvals=place(np.array(ticks)), ticktext=[f"{t:g}" for t in ticks], range=[low, high])
 
 

@@ -127,10 +127,12 @@ def _server(input: Inputs, store: Store) -> None:
             models = [gj.parse_model(part) for part in superset.split(";") if part.strip()]
             for model in models:
                 store.limits.require_model(model)
-            num = _num_parts(models[0]) if nested and len(models) == 1 else len(models)
+            if nested and len(models) > 1:
+                raise ValueError("Give one model with all its parts, or several without them.")
+            num = _num_parts(models[0]) if nested and models else len(models)
             if num > store.limits.ranked:
                 raise ValueError(f"These are {num} models, and this server ranks {store.limits.ranked} at most.")
-            asked = models[0] if nested and len(models) == 1 else models
+            asked = models[0] if nested and models else models
             return gj.select(one, asked, nested=nested, level=level, progress=tell)
 
         begin("ranked", key, work)

@@ -50,8 +50,7 @@ def model_of(state: State) -> str:
     Examples
     --------
     >>> from gmwm_jax.app.web.rooms.model import model_of
-    >>> from gmwm_jax.app.web.saved import Fitted
-    from gmwm_jax.app.web.state import State
+    >>> from gmwm_jax.app.web.state import State
     >>> model_of(State(boxes="WN,GM", gm=2))
     'WN + 2*GM'
     >>> model_of(State(model="WN(sigma2=1e-5) + RW", hold=True))
