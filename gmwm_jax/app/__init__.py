@@ -50,7 +50,7 @@ gmwm-jax fit imu.npz --model "WN + RW + GM" --export kalibr=imu.yaml --export px
 ```
 
 All of this is a page in the browser, too: ``gmwm-jax app`` serves it on this machine alone (extra ``web``), and Ctrl-C
-ends it. There is no login: ``--host`` shows it to others, behind a proxy with ``--root-path``.
+ends it. How others come to see it is said at the end.
 
 Units, without any data:
 
@@ -70,4 +70,69 @@ $ gmwm-jax units --datasheet "N=0.15 deg/sqrt(h), K=2 deg/h/sqrt(h)" --rate 400
 WN(sigma2=7.61544e-07) + RW(gamma2=6.52901e-17)  (per sample at 400 Hz)
 ...
 ```
+
+On a lab server behind a proxy
+------------------------------
+
+The page has no login and no encryption: whoever reaches it may use it. So leave it at 127.0.0.1, where only the server
+itself reaches it, and let a proxy do both, under the name that people type:
+
+```sh
+gmwm-jax app --no-browser --port 8000 --name lab.example.org --root-path /noise --data-dir /srv/recordings
+```
+
+``--name`` is the name that the proxy is called by, and passes on: requests to other names, and sockets that another
+page opens, are refused. ``--root-path`` is the path under which it stands, if that is not the top; the proxy takes it
+away. The page is one connection that stays open (a WebSocket), so that the proxy has to hand it on and be patient.
+
+nginx, with passwords of its own:
+
+```nginx
+server {
+    listen 443 ssl;
+    server_name lab.example.org;
+    ssl_certificate     /etc/ssl/lab.pem;
+    ssl_certificate_key /etc/ssl/lab.key;
+    location /noise/ {
+        auth_basic           "lab";
+        auth_basic_user_file /etc/nginx/lab.passwords;
+        proxy_pass           http://127.0.0.1:8000/;   # the last slash takes /noise away
+        proxy_http_version   1.1;
+        proxy_set_header     Host $http_host;
+        proxy_set_header     Upgrade $http_upgrade;
+        proxy_set_header     Connection "upgrade";
+        proxy_read_timeout   1h;
+        client_max_body_size 100m;                     # as --max-upload
+        proxy_request_buffering off;
+    }
+}
+```
+
+Caddy, which keeps the name, hands sockets on and fetches its certificate by itself:
+
+```
+lab.example.org {
+    basic_auth {
+        somebody HASH-OF-caddy-hash-password
+    }
+    handle_path /noise/* {
+        reverse_proxy 127.0.0.1:8000
+    }
+}
+```
+
+What one page may ask for, so that it does not hold the others up:
+
+- 20 pages at a time, each closed after 30 minutes of silence;
+- files of 100 MB (``--max-upload``), 1 GB a page, read in a process of 4 GB within 120 s;
+- one computation of a page at a time, ``--workers`` in all, 180 s each;
+- replicates, rankings and campaigns one after the other, 10 minutes each; what is done by then is kept;
+- 12 channels, models of 8 processes and 5 GM.
+
+A limit of memory by the operating system (``systemd-run -p MemoryMax=8G``) is a good idea nevertheless.
+
+``--data-dir`` shows the files of a folder by name, so that nobody sends them; nothing else on the server can be named.
+What was sent lies in a temporary folder that its owner alone reads, and goes when the page is closed; of a server that
+was killed, at the next start. Compiled models are kept in the owner's folder of caches, readable by nobody else, unless
+``--no-cache``. A link holds the inputs, not the data, so that after a restart a page is opened again where it was.
 """

@@ -328,6 +328,13 @@ def serve_page(
     max_upload: Annotated[str, typer.Option(help="The largest file that is taken.")] = "100MB",
     workers: Annotated[int, typer.Option(min=1, max=64, help="Computations at a time.")] = 2,
     root_path: Annotated[str, typer.Option(help="Path under which a proxy shows the page.")] = "",
+    name: Annotated[
+        list[str] | None,
+        typer.Option(help="Name by which a proxy shows the page, as lab.example.org; may be repeated."),
+    ] = None,
+    data_dir: Annotated[
+        Path | None, typer.Option(help="Folder of recordings that every page may open, by name.")
+    ] = None,
     room: Annotated[str, typer.Option(hidden=True, help="In which the page opens; of other packages' commands.")] = "",
     no_cache: Annotated[
         bool, typer.Option("--no-cache", help="Do not keep compiled models in your folder of caches.")
@@ -346,10 +353,12 @@ def serve_page(
     from gmwm_jax.app.web.limits import Limits
     from gmwm_jax.app.web.server import serve
 
-    limits = Limits() if upload is None else Limits(upload=upload)
+    if data_dir is not None and not data_dir.is_dir():
+        raise ValueError(f"--data-dir is a folder, and there is none at {data_dir}.")
+    limits = Limits(folder=data_dir) if upload is None else Limits(upload=upload, folder=data_dir)
     serve(
         host, port, typer.echo, browser=not no_browser, cache=not no_cache, limits=limits, num_threads=workers,
-        root_path=root_path, room=room,
+        root_path=root_path, names=name or (), room=room,
     )  # fmt: skip
 
 

@@ -5,18 +5,26 @@ import base64
 import contextlib
 import http.client
 import os
+import random
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
-from urllib.parse import urlsplit
+import time
+from urllib.parse import parse_qsl, urlsplit
 
+import jax
 import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from gmwm_jax.app.web.guard import Guard
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.server import PREFIX, Running
+from gmwm_jax.app.web.state import State
+
+CACHE = str(jax.config.values["jax_compilation_cache_dir"])
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +68,7 @@ def test_headers_of_every_answer(small):
 def test_other_hosts_are_not_answered(small):
     answer, text = get(small, Host="evil.example")
     assert answer.status == 421
-    assert "--host" in text
+    assert "--name" in text
 
 
 def test_a_socket_opens_for_the_own_page_only(small):
@@ -134,29 +142,110 @@ def test_bytes_are_counted_whatever_is_declared():
     assert sent(b"x" * 5000, None) == (413, 900)  # in parts of any number
 
 
-def test_a_server_that_was_killed_leaves_nothing(base_of_temporary_folders):
-    """The next one removes its folder."""
-    tmp_path = base_of_temporary_folders / "k"  # names of sockets are short
-    tmp_path.mkdir()
-    program = (
-        "import jax; jax.config.update('jax_enable_x64', True)\n"
-        "from gmwm_jax.app.web.server import serve\n"
-        "serve('127.0.0.1', 0, lambda text: print(text, flush=True), browser=False)"
-    )
-    environment = os.environ | {"TMPDIR": str(tmp_path)}
-    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, env=environment, text=True)
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    address = next(word for word in line.split() if word.startswith("http"))
-    assert urlsplit(address).hostname == "127.0.0.1"
-    (folder,) = tmp_path.glob(f"{PREFIX}*")
-    assert folder.stat().st_mode & 0o777 == 0o700
-    process.kill()
-    process.wait()
-    process.stdout.close()
-    before, tempfile.tempdir = tempfile.tempdir, str(tmp_path)
+def test_a_message_that_is_too_large_ends_its_page_alone(small):
+    own = Origin(f"http://127.0.0.1:{small.port}")
+    with connect(f"ws://127.0.0.1:{small.port}/websocket/", origin=own) as link:
+        with contextlib.suppress(ConnectionClosed):
+            link.send("x" * 2_000_000)
+        with pytest.raises(ConnectionClosed) as ended:
+            list(link)  # all that it says until it ends, which is no error where it ends well
+        assert ended.value.rcvd is not None
+        assert ended.value.rcvd.code == 1009
+    assert get(small)[0].status == 200
+
+
+def test_behind_a_proxy():
+    """It takes the root path away and keeps the name by which it was called."""
+    with Running(port=0, root_path="/noise", names=["Lab.example.org"]) as server:
+        assert server.url.endswith("/noise/")
+        assert get(server, Host="lab.example.org")[0].status == 200
+        assert get(server, Host="evil.example.org")[0].status == 421
+        for origin, status in (("https://lab.example.org", "101"), ("https://evil.example.org", "403")):
+            link, said = handshake(server, Host="lab.example.org", Origin=origin)
+            link.close()
+            assert said.split()[1] == status
+
+
+def test_what_is_stored_on_the_server_is_found_by_name_alone(tmp_path):
+    for name in ("static.csv", ".hidden"):
+        (tmp_path / name).write_text("1\n")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.csv").symlink_to("/etc/passwd")
+    assert Limits(folder=tmp_path).stored() == {"static.csv": tmp_path / "static.csv"}
+    assert not Limits().stored()
+
+
+def test_two_hundred_links_of_nonsense():
+    """Each is a state within its ranges."""
+    draw = random.Random(1)
+    texts = ["", "-1", "1e999", "nan", "../../etc/passwd", "<img src=x>", "\0", "9" * 400, "true", "[]", "=cmd()"]
+    fields = [*State.model_fields, "unknown", "__class__"]
+    for _ in range(200):
+        query = {draw.choice(fields): draw.choice(texts) for _ in range(8)}
+        state = State.from_query(query)
+        assert 1000 <= state.samples <= 2_000_000
+        assert State.from_query(dict(parse_qsl(state.to_query(), keep_blank_values=True))) == state
+
+
+@contextlib.contextmanager
+def started(temporary):
+    """A server of its own, with its temporary files there."""
+    environment = os.environ | {"TMPDIR": str(temporary), "JAX_COMPILATION_CACHE_DIR": CACHE}
+    command = [sys.executable, "-m", "gmwm_jax", "app", "--port", "0", "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True)
     try:
-        with Running(port=0):
-            assert not folder.exists()
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        yield process, next(word for word in line.split() if word.startswith("http"))
     finally:
-        tempfile.tempdir = before
+        process.kill()
+        process.wait()
+        process.stdout.close()  # type: ignore[union-attr]
+
+
+UPLOAD = """() => new Promise((done) => Shiny.shinyapp.makeRequest(
+    "uploadInit", [[{name: "half.csv", size: 1000000, type: "text/csv"}]], done))"""
+
+
+def test_killed_during_an_upload_and_a_job_nothing_is_left_and_the_link_restores(browser, base_of_temporary_folders):
+    temporary = base_of_temporary_folders / "k"  # names of sockets are short
+    temporary.mkdir()
+    context = browser.new_context()
+    page = context.new_page()
+    page.set_default_timeout(60_000)
+    inputs = "?room=inference&samples=5000&boxes=WN%2CRW&replicates=5000&route=records&draw_seed=9"
+    with started(temporary) as (process, address):
+        assert urlsplit(address).hostname == "127.0.0.1"
+        (folder,) = temporary.glob(f"{PREFIX}*")
+        assert folder.stat().st_mode & 0o777 == 0o700
+        page.goto(address + inputs)
+        page.locator("#replicated_fit p").wait_for()
+        page.locator("#replicate").click()
+        page.locator("#job_text", has_text="of 5000").wait_for()
+        to = page.evaluate(UPLOAD)["uploadUrl"]
+        with socket.create_connection(("127.0.0.1", urlsplit(address).port)) as link:
+            name = urlsplit(address).netloc
+            link.sendall(f"POST /{to} HTTP/1.1\r\nHost: {name}\r\nContent-Length: 1000000\r\n\r\n".encode())
+            link.sendall(b"1\n" * 200_000)
+            until(lambda: any(f.is_file() and f.stat().st_size > 0 for f in folder.glob("files-*/**/*")))
+            process.kill()
+            process.wait()
+    assert folder.exists()
+    link = urlsplit(page.url).query
+    with started(temporary) as (_, address):
+        assert not folder.exists()
+        page.goto(f"{address}?{link}")
+        page.locator("#replicated_fit p").wait_for()
+        assert page.locator("#draw_seed").input_value() == "9"
+        assert page.locator("#replicates").input_value() == "5000"
+        assert page.locator("#boxes input[value=RW]").is_checked()
+        assert page.locator("#about", has_text="5000 samples").count() == 1
+        context.close()
+
+
+def until(true, seconds=30.0):
+    """Wait for a state."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)

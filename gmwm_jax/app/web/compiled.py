@@ -33,7 +33,7 @@ def keep_compiled(root: Path | None = None) -> Path | None:
     >>> keep_compiled()  # doctest: +SKIP
     PosixPath('/home/me/.cache/gmwm_jax/compiled/2f0c9d3b8a11')
     """
-    if jax.config.jax_compilation_cache_dir:  # type: ignore[attr-defined]
+    if _chosen_before():
         return None
     folder = (root or Path(platformdirs.user_cache_dir("gmwm_jax"))) / "compiled" / _kind_of_cpu()
     folder.mkdir(parents=True, exist_ok=True)
@@ -42,6 +42,10 @@ def keep_compiled(root: Path | None = None) -> Path | None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)  # what compiles faster is not faster read
     return folder
+
+
+def _chosen_before() -> bool:
+    return bool(jax.config.jax_compilation_cache_dir)  # type: ignore[attr-defined]
 
 
 def _kind_of_cpu() -> str:

@@ -61,7 +61,7 @@ class Guard:
     async def _http(self, scope: Any, receive: Any, send: Any) -> None:
         headers = _headers(scope)
         if _name(headers.get("host", "")) not in self._hosts:
-            await _answer(send, 421, "This server does not answer to that name: start it with --host NAME.")
+            await _answer(send, 421, "This server does not answer to that name: start it with --name NAME.")
             return
         upload = _UPLOAD.search(scope["path"])
         if scope["path"].rstrip("/") == scope.get("root_path", "") and self._open >= self._limits.sessions:

@@ -1,6 +1,7 @@
 """What one session, and all of them, may ask of the server; each limit says a sentence."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from gmwm_jax._internal.limits import as_bytes
 from gmwm_jax.processes.base import Composite
@@ -53,6 +54,15 @@ class Limits:
     """For what is computed at a click; longer than for reading a file."""
     job_seconds: float = 600.0
     """For replicates or a ranking; what is done by then is kept."""
+    folder: Path | None = None
+    """Of recordings that every page may open, by name."""
+
+    def stored(self) -> dict[str, Path]:
+        """Find the recordings of the folder: name -> file; no links, no hidden files, no folders."""
+        if self.folder is None:
+            return {}
+        files = (f for f in self.folder.iterdir() if f.is_file() and not f.is_symlink())
+        return {f.name: f for f in sorted(files) if not f.name.startswith(".")}
 
     def too_large(self) -> str:
         """Say that a file is too large."""

@@ -9,7 +9,7 @@ import socket
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,8 @@ class Running:
         That compute for all pages.
     root_path
         Under which a proxy shows it.
+    names
+        By which a proxy, or anybody, may call it besides the host.
     prewarm
         Compile the usual models while nobody waits.
 
@@ -63,6 +65,7 @@ class Running:
         limits: Limits | None = None,
         num_threads: int = 2,
         root_path: str = "",
+        names: Sequence[str] = (),
         prewarm: bool = False,
     ):
         limits = limits or Limits()
@@ -71,11 +74,11 @@ class Running:
         self.url = f"http://{'127.0.0.1' if host in ('0.0.0.0', '::') else host}:{self.port}{root_path}/"
         self._turns = Turns(num_threads, pages=limits.sessions, seconds=limits.compute_seconds)
         self._queue = AbandonableExecutor(1)  # long work leaves a core to those who click
-        names = {*LOCAL, host.lower()}
+        known = {*LOCAL, host.lower(), *(name.lower() for name in names)}
         if host in ("0.0.0.0", "::"):
-            names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+            known |= {socket.gethostname().lower(), socket.getfqdn().lower()}
         config = uvicorn.Config(
-            Guard(application(self._turns, self._queue, limits), names, limits),
+            Guard(application(self._turns, self._queue, limits), known, limits),
             log_level="warning",
             ws="websockets-sansio",
             ws_max_size=limits.message,
@@ -163,7 +166,7 @@ def serve(
     server = Running(host, port, prewarm=True, **options)
     if port and server.port != port:
         say(f"Port {port} is taken.")
-    if host not in LOCAL:
+    if host not in LOCAL or options.get("names"):
         say("There is no login: everybody who reaches this machine can use it.")
     url = f"{server.url}?room={room}" if room else server.url
     say(f"gmwm_jax is at {url} (Ctrl-C ends it)")

@@ -36,6 +36,8 @@ class State(BaseModel):
     own_rate: float = Field(100.0, gt=0, le=1e6, title="Its sampling rate")
     own_unit: Literal["rad/s", "m/s^2"] = "rad/s"
     dataset: str = Field("", max_length=60)
+    stored: str = Field("", max_length=200, title="Recording of the server")
+    """A name, never a path."""
     rate: float | None = Field(None, gt=0, le=1e6, title="Sampling rate")
     units: str = Field("", max_length=100, title="Unit")
     time: str = Field("", max_length=100, title="Column of time")

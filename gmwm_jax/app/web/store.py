@@ -199,11 +199,30 @@ class Store:
                 given[name] = ",".join(value)
         return self._states.checked(given)
 
+    def sent(self) -> File | None:
+        """Return the file that is looked at: one of the server's by name, or the one that was sent; reactive.
+
+        Raises
+        ------
+        ValueError
+            The server has no file of that name.
+        """
+        state = self.state()
+        if state.source != "file":
+            return None
+        if not state.stored:
+            return self.file()
+        name = state.stored
+        found = self.limits.stored().get(name)
+        if found is None:
+            raise ValueError(f"Recording of the server: there is no {name!r}.")
+        return File(str(found), name)
+
     def _recording_key(self) -> Key | None:
         state = self.state()
         chosen = tuple(getattr(state, name) for name in _OF_SOURCE[state.source])
         if state.source == "file":
-            file = self.file()
+            file = self.sent()
             return None if file is None else (*chosen, state.outliers, file)
         if state.source == "saved":
             page = self.saved()

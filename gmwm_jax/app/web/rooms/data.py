@@ -40,7 +40,9 @@ def _ui(state: State, limits: Limits) -> Tag:
     )
     names = {"": "choose .."} | {name: name for name in gj.datasets.names()}
     public = ui.input_select("dataset", "Public recording", names, selected=state.dataset)
+    there = {"": "none of them"} | {name: name for name in limits.stored()}
     file = ui.div(
+        ui.input_select("stored", "Recording of the server", there, selected=state.stored) if limits.folder else None,
         ui.input_file("upload", "File: npy, npz, text, parquet, netCDF, R data, ROS bag, also packed"),
         ui.div(id="too_large", class_="gmwm-error", role="alert", data_sentence=limits.too_large()),
         ui.tags.details(
@@ -99,6 +101,7 @@ def _server(input: Inputs, store: Store) -> None:
         files = input.upload()
         if files:
             store.file.set(File(files[0]["datapath"], files[0]["name"]))
+            ui.update_select("stored", selected="")
 
     @reactive.effect
     @reactive.event(input.pasted)

@@ -122,7 +122,7 @@ def _server(input: Inputs, store: Store) -> None:
         for outcome in (store.of_recording(), store.fit()):
             if outcome.value is None:
                 return Outcome(error=outcome.error, busy=outcome.busy)
-        file, shown = store.file(), store.recording().value
+        file, shown = store.sent(), store.recording().value
         assert shown is not None  # there is a fit of it
         return Outcome(analysis_of(store.state(), shown.channels, "" if file is None else file.name))
 
@@ -142,7 +142,7 @@ def _server(input: Inputs, store: Store) -> None:
     @render.download_button(filename="gmwm_jax.zip", media_type="application/zip")
     async def archive() -> AsyncIterator[bytes]:
         with reactive.isolate():
-            analysis, wv, parts, file = present().value, store.variance().value, present_parts(), store.file()
+            analysis, wv, parts, file = present().value, store.variance().value, present_parts(), store.sent()
         path = None if file is None else Path(file.path)
         if analysis is None or wv is None:
             return  # inputs have changed since; there is no button any more

@@ -1,0 +1,71 @@
+"""Computations of pages: one of a page at a time, so many in all, and none for longer than the limit."""
+
+import asyncio
+import threading
+
+import pytest
+
+from gmwm_jax.app.web import compiled
+from gmwm_jax.app.web.turns import SupersededError, Turns
+
+
+@pytest.fixture
+def turns():
+    """One thread for two pages."""
+    made = Turns(1, pages=2, seconds=0.2)
+    yield made
+    made.end()
+
+
+def test_what_takes_too_long_is_left_behind_and_others_go_on(turns):
+    gate = threading.Event()
+
+    async def both():
+        slow, other = turns.of_page(), turns.of_page()
+        with pytest.raises(ValueError, match="more than"):
+            await slow.run(gate.wait)
+        assert await other.run(lambda: 1) == 1  # though the thread of the first is still there
+        again = asyncio.ensure_future(slow.run(lambda: 2))
+        await asyncio.sleep(0.05)
+        assert not again.done()  # a page holds one thread at most
+        gate.set()
+        return await again
+
+    assert asyncio.run(both()) == 2
+    assert turns.running == 0
+
+
+def test_what_nobody_wants_any_more_is_not_begun(turns):
+    begun = []
+
+    async def one():
+        with pytest.raises(SupersededError):
+            await turns.of_page().run(lambda: begun.append(1), lambda: False)
+
+    asyncio.run(one())
+    assert not begun
+
+
+def test_a_page_that_asks_for_much_waits_for_itself(turns):
+    order = []
+
+    async def many():
+        greedy, other = turns.of_page(), turns.of_page()
+        await asyncio.gather(
+            *(greedy.run(lambda: order.append("greedy")) for _ in range(5)), other.run(lambda: order.append("other"))
+        )
+
+    asyncio.run(many())
+    assert order.index("other") <= 1
+
+
+def test_compiled_programs_are_their_owners(tmp_path, monkeypatch):
+    changed = {}
+    monkeypatch.setattr(compiled.jax.config, "update", changed.__setitem__)
+    monkeypatch.setattr(compiled, "_chosen_before", lambda: False)
+    folder = compiled.keep_compiled(tmp_path)
+    assert folder is not None
+    assert changed["jax_compilation_cache_dir"] == str(folder)
+    assert folder.stat().st_mode & 0o777 == folder.parent.stat().st_mode & 0o777 == 0o700
+    monkeypatch.setattr(compiled, "_chosen_before", lambda: True)
+    assert compiled.keep_compiled(tmp_path) is None
