@@ -78,6 +78,8 @@ def test_more_processes_and_each_parameter_free_or_held(open_page, wv):
     assert objective(page) == pytest.approx(gj.fit(wv, "AR1").objective, rel=1e-5)
     page.locator("summary", has_text="each parameter").click()
     page.locator("#how_0").select_option("fixed")
+    page.locator("#residuals").click()  # another input leaves what is filled in
+    before = drawn(page, "fitted", after=before)
     enter(page, "at_0", 0.5)
     page.locator("#use").click()
     until(lambda: page.locator("#model").input_value() == "AR1(phi=0.5 fixed)")

@@ -214,9 +214,16 @@ def _server(input: Inputs, store: Store) -> None:
     def _take() -> None:
         ui.update_text("model", value=str(input.take())[:500])
 
+    # tells of another fit only, so that fields that are being filled in stay as they are when any other input changes
+    present: reactive.Value[Any] = reactive.Value(None)
+
+    @reactive.effect
+    def _present() -> None:
+        present.set(fit().value)
+
     @render.ui
     def each() -> Tag | None:
-        found = fit().value
+        found = present()
         return None if found is None else ui.div(*parameter_fields(found.model), class_="gmwm-controls")
 
     @reactive.effect
