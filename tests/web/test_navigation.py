@@ -6,6 +6,7 @@ import zipfile
 from urllib.parse import urlencode
 
 import jax
+from nav.small_drive import write_drive
 from web.pages import curves, drawn, enter
 
 import nav_jax as nj
@@ -100,3 +101,12 @@ def test_the_last_steps_of_the_tutorial(open_page):
     links = page.get_by_role("link", name="Do this step")
     assert links.count() == 12
     assert "room=nav" in links.nth(10).get_attribute("href")
+
+
+def test_a_recorded_drive(open_page, tmp_path):
+    page = opened(open_page)
+    page.locator("#nav_drive").set_input_files(write_drive(tmp_path))
+    page.locator("#nav_drive_progress", has_text="Upload complete").wait_for()
+    page.locator("#nav_navigate").click()
+    page.locator("#nav_drive_text", has_text="white: ").wait_for()
+    drawn(page, "nav_drive_figure")

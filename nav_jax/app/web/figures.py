@@ -12,8 +12,10 @@ from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.filter_design import Design
 from nav_jax.plotting.comparison import consistency_data, mean_errors_data
 from nav_jax.plotting.lincov import analysis_data, budget_data, design_data
+from nav_jax.plotting.navigation import navigation_data
 from nav_jax.plotting.runs import errors_data, sensor_states_data
 from nav_jax.plotting.trajectory import trajectory_data
+from nav_jax.recorded.navigation import Navigation
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
@@ -162,6 +164,32 @@ def sensor_states(runs: Runs, *, columns: int = 2) -> go.Figure:
         Frames in a row.
     """
     return _of_runs(sensor_states_data(runs, max_runs=15), columns)
+
+
+def drive(found: Navigation, *, columns: int = 2) -> go.Figure:
+    """Draw where a recorded drive went: plan and height.
+
+    Parameters
+    ----------
+    found
+        Of `nav_jax.navigate`.
+    columns
+        Frames in a row.
+    """
+    frames = navigation_data(found)[:2]
+    labels = list(dict.fromkeys(i.label for f in frames for i in f.items if i.label))
+
+    def style(frame: Frame, i: int, item: Item) -> Style:
+        if isinstance(item, Span):
+            return Style(_OUTAGE, opacity=0.2)
+        of = item.label or next(n.label for n in reversed(frame.items[:i]) if n.label)  # what goes with it has no name
+        at = labels.index(of)
+        colour = COLOURS[at % len(COLOURS)]
+        return Style(colour, symbol=SYMBOLS[at % len(SYMBOLS)]) if isinstance(item, Points) else Style(colour)
+
+    figure = figure_of(frames, style, columns=columns, height=420 if columns > 1 else 780)
+    figure.update_yaxes(scaleanchor="x", row=1, col=1)
+    return figure
 
 
 def _with_claims(frame: Frame) -> Frame:

@@ -83,6 +83,16 @@ def make_ui(state: Any, limits: Limits) -> Tag:
         output_figure("nav_runs_figure"),
         output_figure("nav_errors_figure"),
         output_figure("nav_sensors_figure"),
+        ui.h2("A recorded drive"),
+        ui.p("The configuration that nav-jax navigate reads, and the files that it names, sent together."),
+        ui.div(
+            ui.input_file("nav_drive", "Files of a drive", multiple=True),
+            ui.input_action_button("nav_navigate", "Navigate", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("nav_drive_status"),
+        output_figure("nav_drive_figure"),
+        ui.output_ui("nav_drive_text"),
         ui.h2("Take away"),
         ui.output_ui("nav_takeaway"),
     )  # fmt: skip

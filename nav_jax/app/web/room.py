@@ -11,13 +11,14 @@ from shiny import Inputs, reactive, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web.computed import Outcome
 from gmwm_jax.app.web.jobs import Tell
-from gmwm_jax.app.web.outputs import as_html, render_figure, status
+from gmwm_jax.app.web.outputs import as_html, render_figure, status, text
 from gmwm_jax.app.web.report import archive
 from gmwm_jax.app.web.rooms.model import model_of
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.store import Part, Same, Store
 from nav_jax.app.comparison_file import Config
 from nav_jax.app.web import controls, figures, files, tables
+from nav_jax.app.web.drive import Drive, Sent, navigate
 from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
 from nav_jax.app.web.state import NavigationState
@@ -65,10 +66,10 @@ def _server(input: Inputs, store: Store) -> None:
         if not visited():
             return None
         wanted = {PAGE: model_of(state)} if state.nav_page or state.nav_truth == "fit" else {}
-        known = {_canonical(text) for text in wanted.values()}
-        for text in filter(None, map(str.strip, state.nav_structures.split(";"))):
-            if _canonical(text) not in known:
-                wanted[text] = text
+        known = {_canonical(model) for model in wanted.values()}
+        for model in filter(None, map(str.strip, state.nav_structures.split(";"))):
+            if _canonical(model) not in known:
+                wanted[model] = model
         if not wanted:
             return (None, (), "", "")
         wv = store.variance().value
@@ -80,9 +81,9 @@ def _server(input: Inputs, store: Store) -> None:
         of, wanted, weights, sensor = key
         errors: dict[str, ImuErrors] = {}
         remarks: list[str] = []
-        for name, text in wanted:
-            store.limits.require_model(gj.parse_model(text))
-            found = errors_of(fits_of(of.value, text, weights), sensor)
+        for name, model in wanted:
+            store.limits.require_model(gj.parse_model(model))
+            found = errors_of(fits_of(of.value, model, weights), sensor)
             errors[name] = found.errors
             remarks += found.remarks
         return _Models(errors, tuple(dict.fromkeys(remarks)))
@@ -102,8 +103,8 @@ def _server(input: Inputs, store: Store) -> None:
         sections = compared()
         return None if sections is None else toml_of(without_runs(sections))
 
-    def compute(text: str) -> _Analysed:
-        return _said(lambda: _analysed(text))
+    def compute(written: str) -> _Analysed:
+        return _said(lambda: _analysed(written))
 
     analysed = store.computed(
         analysis_key, compute, "computing covariances .. (filters of a new structure are compiled once, some seconds)"
@@ -119,14 +120,14 @@ def _server(input: Inputs, store: Store) -> None:
         return name if name in found.config.filters else next(iter(found.config.filters))
 
     def budget_key() -> Any:
-        text = analysis_key()
+        written = analysis_key()
         state: Any = store.state()
-        return None if text is None or present() is None else (text, of_button(state.nav_of))
+        return None if written is None or present() is None else (written, of_button(state.nav_of))
 
     def design_key() -> Any:
-        text = analysis_key()
+        written = analysis_key()
         state: Any = store.state()
-        return None if text is None else (text, state.nav_max_accel, state.nav_max_gyro)
+        return None if written is None else (written, state.nav_max_accel, state.nav_max_gyro)
 
     def begin(name: str, key: Callable[[], Any], work: Callable[[_Analysed, Any, Tell], Any]) -> None:
         try:
@@ -281,12 +282,42 @@ def _server(input: Inputs, store: Store) -> None:
         of = found.value[of_button(input.nav_of())]
         return store.themed(figures.sensor_states(of, columns=columns()))
 
+    def drive_key() -> tuple[Sent, ...]:
+        return tuple(Sent(file["name"], file["datapath"]) for file in input.nav_drive() or ())
+
+    @reactive.effect
+    @reactive.event(input.nav_navigate)
+    def _navigate() -> None:
+        sent = drive_key()
+        if not sent:
+            ui.notification_show("Send the files of a drive first.", type="warning")
+        elif not jobs.start("nav_drive", sent, lambda tell: navigate(sent, store.limits, tell)):
+            ui.notification_show(BUSY, type="warning")
+
+    @reactive.calc
+    def driven() -> Outcome[Drive]:
+        return jobs.result("nav_drive", drive_key())
+
+    @render.ui
+    def nav_drive_status() -> Tag | None:
+        return status(driven())
+
+    @render_figure
+    def nav_drive_figure() -> go.Figure | Outcome[Any] | None:
+        found = driven()
+        return found if found.value is None else store.themed(figures.drive(found.value.solution, columns=columns()))
+
+    @render.ui
+    def nav_drive_text() -> Tag | None:
+        found = driven().value
+        return None if found is None else text(found.text)
+
     @reactive.calc
     def parts() -> files.Parts | None:
-        found, text = present(), configuration() if present() is not None else None
-        if found is None or text is None:
+        found, written = present(), configuration() if present() is not None else None
+        if found is None or written is None:
             return None
-        return files.Parts(text, found.analysis, runs().value, budgeted().value, designed().value)
+        return files.Parts(written, found.analysis, runs().value, budgeted().value, designed().value)
 
     def part() -> Part | None:
         found = parts()

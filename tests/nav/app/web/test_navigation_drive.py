@@ -1,0 +1,53 @@
+"""A recorded drive on the page: what the command gives; nothing of the server is named, read or written."""
+
+import numpy as np
+import pytest
+from nav.small_drive import write_drive
+
+from gmwm_jax.app.web.limits import Limits
+from nav_jax.app.web import figures
+from nav_jax.app.web.drive import Sent, check, navigate
+
+
+@pytest.fixture
+def sent(tmp_path):
+    return [Sent(path.name, str(path.rename(tmp_path / f"{i}"))) for i, path in enumerate(write_drive(tmp_path))]
+
+
+def test_a_drive_is_navigated_and_drawn(sent):
+    told = []
+    found = navigate(sent, Limits(), lambda done, total: told.append(done))
+    assert told
+    assert np.abs(found.solution.trajectory.position).max() < 0.1
+    assert found.text.startswith("white: ")
+    assert {"fix", "navigation"} <= {trace.name for trace in figures.drive(found.solution).data}
+
+
+def test_a_drive_is_cancelled(sent):
+    def cancel(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        navigate(sent, Limits(), cancel)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ('[record]\nimu = "/etc/passwd"', "'/etc/passwd', which was not sent"),
+        ('[record]\nimu = "../0.csv"', "which was not sent"),
+        ('[[aiding]]\nfile = "other.csv"', "'other.csv', which was not sent"),
+        ('[output]\nfolder = "/tmp"', "leave it out"),
+        ("[record", "is no TOML"),
+    ],
+)
+def test_only_what_was_sent_is_read_and_nothing_written(text, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        check(text, ["imu.csv"])
+
+
+def test_what_is_wrong_with_the_files_is_said(sent):
+    with pytest.raises(ValueError, match="there are 0"):
+        navigate(sent[:2], Limits(), lambda done, total: None)
+    with pytest.raises(ValueError, match="is no name of a file"):
+        navigate([*sent, Sent("../x.csv", "x")], Limits(), lambda done, total: None)
