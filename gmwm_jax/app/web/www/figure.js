@@ -92,6 +92,13 @@
   narrow.addEventListener("change", tell);
   $(document).on("shiny:connected", tell);
 
+  // the framework shows the name of a file in a field that has none itself
+  $(document).on("shiny:connected", function () {
+    document.querySelectorAll(".shiny-input-container input[readonly]").forEach(function (el) {
+      el.setAttribute("aria-label", "the file that was chosen");
+    });
+  });
+
   // a model of the table of fits is taken up again
   document.addEventListener("click", function (event) {
     const button = event.target.closest("[data-take]");
