@@ -18,7 +18,7 @@ demo: $(VENV)/.installed  ## simulated MTi-G recording -> noise models -> filter
 app: $(VENV)/.installed  ## the page in the browser, on this machine alone
 	$(BIN)/python -m gmwm_jax app
 
-# all rooms, or one; what takes two seconds or more is run by `make validate`, or here where SLOW is 1
+# all rooms, or one; what takes a second or more, or its data five, is run by `make validate`, or here where SLOW is 1
 QUICK := $(if $(SLOW),,-m "not slow")
 TESTS := $(if $(ROOM),$(wildcard tests/*/$(ROOM)))
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(if $(TYPED),$(CHECKED))

@@ -89,6 +89,7 @@ def test_every_row_has_a_case():
     assert documented(gj) == list(CASES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_documented_as_pure_is(name):
     function, x = CASES[name]

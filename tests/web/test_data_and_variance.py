@@ -217,3 +217,39 @@ def test_no_room_is_wider_than_the_page(open_page, size, scheme):
     until(lambda: np.subtract(*page.evaluate(ends)) > 0)  # the legend lies below the titles of the axes
     page.set_viewport_size({"width": size[0] - 70, "height": size[1]})  # with more lines
     until(lambda: np.subtract(*page.evaluate(ends)) > 0)
+
+
+def test_public_recordings_are_opened_by_name(open_page, record, tmp_path, monkeypatch):
+    name = gj.datasets.names()[0]
+    path = gj.save_recording(record, tmp_path / "public.npz")
+    monkeypatch.setattr(gj.datasets, "fetch", {name: path}.__getitem__)
+    page = open_page(f"?source=public&dataset={name}")
+    page.locator("#about", has_text=f"{name}: 4000 samples at 100 Hz").wait_for()
+    drawn(page, "series")
+
+    def without_network(_):
+        raise OSError("the file could not be fetched; without a network, put it there by hand")
+
+    monkeypatch.setattr(gj.datasets, "fetch", without_network)
+    page.locator("#dataset").select_option(gj.datasets.names()[1])
+    page.locator("#data_status .gmwm-error", has_text="by hand").wait_for()
+
+
+def test_gaps_are_an_error_pairs_or_the_longest_run(open_page, tmp_path):
+    """Three samples are missing from 4000."""
+    time, values = np.arange(4000) / 100, np.random.default_rng(1).normal(size=4000)
+    there = ~np.isin(np.arange(4000), (1000, 1001, 3000))
+    path = tmp_path / "gaps.csv"
+    np.savetxt(path, np.column_stack([time, values])[there], header="time,gyro_x", comments="", delimiter=",")
+    page = open_page("?source=file&units=rad/s&time=time")
+    page.locator("#upload").set_input_files(path)
+    page.locator("#data_status .gmwm-error", has_text="gaps.csv").wait_for()
+    for gaps, samples in (("nan", 4000), ("longest", 1998)):
+        page.locator("#gaps").select_option(gaps)
+        page.locator("#about", has_text=f"{samples} samples").wait_for()
+        go_to(page, "variance")
+        rec = gj.read_recording(path, units="rad/s", time="time", gaps=gaps)
+        wanted = gj.wavelet_variance(rec).variance
+        until(lambda wanted=wanted: len(shown_variance(page)[1]) == len(wanted))
+        np.testing.assert_allclose(shown_variance(page)[1], wanted, rtol=1e-9)
+        go_to(page, "data")

@@ -86,3 +86,30 @@ def test_more_processes_and_each_parameter_free_or_held(open_page, wv):
     drawn(page, "fitted", after=before)
     assert objective(page) == pytest.approx(gj.fit(wv, "AR1(phi=0.5 fixed)").objective, rel=1e-5)
     assert "Model: AR1(phi=0.5 fixed)" in page.locator("#about").inner_text()
+
+
+def test_weights_are_chosen(open_page, wv):
+    page = open_page("?room=model&samples=5000&boxes=WN%2CRW&weights=covariance")
+    drawn(page, "fitted")
+    assert objective(page) == pytest.approx(gj.fit(wv, "WN + RW", weights="covariance").objective, rel=1e-5)
+
+
+def test_theory_is_read_on_the_page(open_page):
+    page = open_page("?room=model&samples=5000&boxes=WN")
+    page.locator("#theory summary").click()
+    drawn_formula = page.locator("#theory tr", has_text="Rate random walk").locator("math").last
+    size = drawn_formula.bounding_box()
+    assert size["height"] > 20  # a fraction
+    assert page.locator("#theory math").count() == 24
+
+
+def test_an_unknown_error_is_a_number(open_page, monkeypatch, caplog):
+    def broken(*_, **__):
+        raise KeyError("/secret/path")
+
+    monkeypatch.setattr(gj, "fit", broken)
+    page = open_page("?room=model&samples=5000&boxes=WN")
+    page.locator("#fit_status .gmwm-error", has_text="Internal error").wait_for()
+    assert "secret" not in page.locator("body").inner_text()
+    number = page.locator("#fit_status .gmwm-error").inner_text().split()[2].rstrip(":")
+    assert number in caplog.text

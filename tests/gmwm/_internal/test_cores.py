@@ -30,6 +30,7 @@ def test_the_environment_says_fewer(monkeypatch):
             num_threads()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", [host_wavelet_variance, robust_wavelet_variance])
 def test_no_more_threads_are_started(monkeypatch, estimator):
     """Of a record of many blocks, and the numbers do not depend on it but in the last digits."""

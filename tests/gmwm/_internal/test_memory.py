@@ -91,6 +91,7 @@ def resident(name):
     return next(1024 * int(line.split()[1]) for line in text.splitlines() if line.startswith(name))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="The peak of the memory is told by Linux.")
 def test_a_draw_takes_what_is_estimated():
     num, model = 1_000_000, parse_model(MODEL)
@@ -115,6 +116,7 @@ def test_models_of_many_processes():
             parse_model(text)
 
 
+@pytest.mark.slow
 def test_an_estimate_counts_what_is_there():
     """The arrays of NumPy of a simulated recording, of which the draw itself is none."""
     num = 300_000

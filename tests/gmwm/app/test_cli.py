@@ -188,6 +188,7 @@ def test_one_deviation_at_a_time(npz):
 MAGIC = {".png": b"\x89PNG\r\n\x1a\n", ".pdf": b"%PDF-", ".svg": b"<?xml"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", MAGIC)
 @pytest.mark.parametrize("allan", [[], ["--allan"], ["--modified-allan"], ["--hadamard"]])
 def test_wv_figures(npz, tmp_path, suffix, allan):
@@ -209,6 +210,7 @@ def test_fit_prints_each_channel_and_all_together(npz):
     assert "ug/sqrt(Hz)" in stdout
 
 
+@pytest.mark.slow
 def test_fit_to_json_and_figure(npz, tmp_path, wv):
     arguments = ["fit", npz, "--model", MODEL, "--datasheet", "N=0.05 deg/s/sqrt(Hz)"]
     printed = call(*arguments, "--json", tmp_path / "f.json", "--plot", tmp_path / "f.png").stdout

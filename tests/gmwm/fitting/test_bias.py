@@ -184,6 +184,7 @@ def test_components_of_zero_are_in_no_list():
     assert (short.white, short.bias, short.without) == (("GM_1",), ("GM_2",), ())
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_sum_knows_how_its_parts_go_together():
     """Data divide white noise badly between WN and a GM of one sample, and know their sum. The delta method by hand."""
     truth = "WN(sigma2=1e-4) + GM(beta=1, variance=1e-4)"
@@ -209,6 +210,7 @@ def test_the_interval_of_the_sum_knows_how_its_parts_go_together():
     assert N.ci_high / N.value < min(spreads)
 
 
+@pytest.mark.slow
 def test_tables_of_fits_answer_it():
     x = np.asarray(gj.simulate("WN(sigma2=1e-4) + RW(gamma2=1e-9)", 4000, key=jax.random.key(1)))
     rec = gj.Recording(np.stack([x, x], 1), rate=RATE, channels=("gyro_x", "accel_x"), units=("rad/s", "m/s^2"))

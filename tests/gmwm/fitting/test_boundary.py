@@ -116,6 +116,7 @@ def test_a_random_walk_may_have_a_long_correlation_time():
     assert q.ci_high > 2 * e.ci_high * again.model.processes[1].variance * fit.rate * 0.99
 
 
+@pytest.mark.slow
 def test_replicates_reach_as_far_as_theory(white):
     """Percentiles of refits, and no mirrored ones."""
     boot = gj.bootstrap(white, 1000, key=jax.random.key(0))

@@ -47,6 +47,7 @@ BOUNDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", BOUNDS, ids=str)
 def test_the_minimum_is_scipys(wv, bounds):
     """Least squares within the box by a trust region that reflects (Branch, Coleman & Li 1999), from many starts."""
@@ -70,6 +71,7 @@ def test_the_minimum_is_scipys(wv, bounds):
     np.testing.assert_array_equal(found.at_bound, at_end)
 
 
+@pytest.mark.slow
 def test_components_of_a_kind_have_their_own(wv):
     """They stay in their places; between them are the minima of all ways to place them."""
     bounds = {"GM_1 beta": (1e-3, 1e-2), "GM_2 beta": (0.05, 0.5)}
@@ -89,6 +91,7 @@ def vector(found):
     return jnp.stack([jnp.asarray(v) for v in found.parameters.values()])
 
 
+@pytest.mark.slow
 def test_at_a_bound_the_derivative_is_that_of_the_held_problem(wv):
     """By the data; and by the bound, which is what holds it."""
     nu = jnp.asarray(wv.variance)
@@ -107,6 +110,7 @@ def test_at_a_bound_the_derivative_is_that_of_the_held_problem(wv):
         np.testing.assert_allclose(mine, its, rtol=1e-7, atol=1e-10 * np.abs(its).max())
 
 
+@pytest.mark.slow
 def test_at_a_bound_of_an_amplitude_too(wv):
     nu = jnp.asarray(wv.variance)
 
@@ -122,6 +126,7 @@ def test_at_a_bound_of_an_amplitude_too(wv):
         np.testing.assert_allclose(mine, its, rtol=1e-6, atol=1e-9 * np.abs(its).max())
 
 
+@pytest.mark.slow
 def test_vmap_over_data_and_bounds_is_the_loop(wv):
     batch = draws(gj.WN(1.0) + gj.GM(0.03, 0.2), MEDIUM, 6, 3)
     highs = np.array([0.02, 0.025, 0.03, 0.035, 0.04, 0.1])
@@ -196,6 +201,7 @@ def test_the_mode_between_bounds_is_the_constrained_minimum(wv, bounded):
     assert dict(bounded.at_bounds) == {"GM beta": Outcome.UPPER_BOUND}
 
 
+@pytest.mark.slow
 def test_what_is_at_a_bound_has_the_interval_inwards_and_the_others_follow(wv, bounded):
     """By the normal equations at the mode, in closed form."""
     table, z = bounded.parameters(), 1.959963984540054
@@ -229,6 +235,7 @@ def test_bounds_that_hold_the_mode_change_only_the_ends(wv):
         assert mine.ci_high == pytest.approx(its.ci_high, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_shared_parameter_at_a_bound(wv):
     """Both channels have it there; as the one parameter that it is, it runs once."""
     second = draws(gj.WN(1.0) + gj.GM(0.03, 0.2), MEDIUM, 1, 8)[0]
@@ -244,6 +251,7 @@ def test_a_shared_parameter_at_a_bound(wv):
         posterior(both, "WN + GM", shared=["GM beta"], bounds={"0 GM beta": (1e-4, 0.02), "1 GM beta": (0.025, 1.0)})
 
 
+@pytest.mark.slow
 def test_the_density_ends_at_the_bounds(bounded):
     """And its mode moves with the bound alone where it is at one."""
     inside, outside = (bounded.density.coordinates(bounded.density.eta(bounded.z) + np.array([0, d, 0]))

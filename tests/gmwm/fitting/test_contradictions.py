@@ -22,6 +22,7 @@ def channel(variances, i=0):
     return variances[variances.channels[i]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "label", "wanted"),
     [
@@ -41,6 +42,7 @@ def test_what_is_wrong_is_said(variances, model, label, wanted):
     assert fit.to_dict()["contradictions"] == list(fit.contradictions)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["WN(sigma2=1.0 fixed) + GM", "WN + GM(beta=0.02 fixed)"])
 def test_what_is_right_is_never_doubted(variances, model):
     """200 fits of records of the model, 100 of each."""

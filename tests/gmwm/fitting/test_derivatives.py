@@ -39,6 +39,7 @@ def test_the_objective_is_a_function_of_the_parameters(wv):
     )
 
 
+@pytest.mark.slow
 def test_the_objective_is_level_at_the_minimum(wv):
     fit = gj.fit(wv, "WN + GM")
     eta = fit.model.unconstrained()

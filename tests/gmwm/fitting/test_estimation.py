@@ -46,6 +46,7 @@ def by_variance(wv):
     return jax.jit(jax.jacfwd(of_variance(wv, "WN + GM")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_it_is_the_fit(wv, weights):
     found, fit = gj.fitting.estimate(wv, "WN + GM", weights=weights), gj.fit(wv, "WN + GM", weights=weights)
@@ -56,6 +57,7 @@ def test_it_is_the_fit(wv, weights):
     assert float(found.agreement) == pytest.approx(fit.agreement, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "model"),
     [
@@ -85,6 +87,7 @@ def test_vmap_is_the_loop(wv, batch, estimates):
     np.testing.assert_allclose(of_pytree, loop, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_new_numbers_compile_nothing(wv, batch, monkeypatch):
     counted = CountTraces(estimation._solve_once)
     monkeypatch.setattr(estimation, "_solve", jax.jit(counted, static_argnums=0))
@@ -225,6 +228,7 @@ def test_results_are_pytrees(wv):
     assert jax.tree.structure(gj.wavelet_variance(np.ones(20_000) + np.arange(20_000) % 7.0)) == jax.tree.structure(wv)
 
 
+@pytest.mark.slow
 def test_estimates_print_themselves(wv, batch):
     """Alone, at a bound, as a batch, and while they are traced."""
     one = gj.fitting.estimate(wv, "WN + GM", bounds={"GM beta": (0.05, 0.5)})

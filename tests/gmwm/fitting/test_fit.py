@@ -54,6 +54,7 @@ def from_r(process, estimate):
 MODELS = ["WN", "WN+RW", "GM+WN", "GM+WN+RW", "2GM+WN", "3GM+WN+RW", "WN+QN+RW"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_published_objectives_are_reproduced_and_beaten(mtig, published, name):
     """540.4236, 540.1172, 29.07116, 17.37057 at R's estimates; never above the best minimum known.
@@ -82,6 +83,7 @@ def test_the_slide(mtig):
     np.testing.assert_allclose(betas, [2.07620, 0.00237415, 0.000184727], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_result_does_not_depend_on_the_starting_points(mtig):
     """20 keys, 1e-6 relative."""
     for model in ("WN + RW + 3*GM", "2*GM + WN"):
@@ -130,6 +132,7 @@ def exact(model, levels=18):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "model"),
     [
@@ -170,6 +173,7 @@ def test_linear_models_equal_scipys_nnls():
         assert gj.fit(wv, "WN + QN + RW + DR").objective == pytest.approx(norm**2, rel=1e-9, abs=0)
 
 
+@pytest.mark.slow
 def test_agrees_with_a_general_optimiser():
     """A bounded quasi-Newton search over logarithms, started at our estimate and elsewhere, finds nothing lower."""
     x = np.asarray(gj.simulate("WN(sigma2=1) + GM(beta=0.01, variance=0.2)", 2**15, key=jax.random.key(5)))
@@ -265,6 +269,7 @@ def test_at_a_limit_only_what_the_limit_has_is_reported(truth, model, limit, par
     assert value.ci_high**power >= alone.ci_high * (1 - 1e-3)
 
 
+@pytest.mark.slow
 def test_a_held_variance_keeps_the_correlation_time_at_the_limit():
     """q = 2 beta variance is all that data know of a slow process: with the variance held, beta follows."""
     fit = gj.fit(exact("RW(gamma2=1e-6)"), gj.GM(variance=gj.Fixed(1e3)), rate=1.0)
@@ -413,6 +418,7 @@ def test_a_fit_knows_its_weights():
         gj.fit(wv, "WN", weights="optimal")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "model", "kinds"),
     [("WN(sigma2=1) + RW(gamma2=1e-4)", "WN + GM", "RW WN"), ("WN(sigma2=1)", "GM", "WN"),

@@ -85,6 +85,7 @@ def test_a_lost_gauss_markov_process_has_no_correlation_time():
     assert lost[0] in repr(fit)
 
 
+@pytest.mark.slow
 def test_components_that_cannot_be_told_apart_have_no_interval():
     """Two processes held at one correlation time: any split of the variance fits alike. Their neighbour keeps its own.
 
@@ -146,6 +147,7 @@ def test_without_the_length_of_the_record_there_are_no_intervals():
     assert "No intervals" in fit.summary()
 
 
+@pytest.mark.slow
 def test_the_dwt_has_no_overlapping_allan_deviation_and_no_intervals():
     x = np.asarray(gj.simulate("WN(sigma2=1)", 2**12, key=jax.random.key(4)))
     wv = gj.wavelet_variance(x, method="dwt", rate=1.0)
@@ -154,6 +156,7 @@ def test_the_dwt_has_no_overlapping_allan_deviation_and_no_intervals():
         gj.allan_deviation(wv)
 
 
+@pytest.mark.slow
 def test_tables_compile_once():
     """Another fit reuses the compiled covariance and delta method, at a boundary as well."""
     fits = [

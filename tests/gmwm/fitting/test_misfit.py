@@ -55,6 +55,7 @@ def test_a_misfit_is_in_all_that_leaves_a_fit(wrong):
     assert all(gyro.misfit in note for note in notes)
 
 
+@pytest.mark.slow
 def test_a_joint_fit_tests_the_mean_of_its_records():
     wv = simulated()
     for model, said in (("WN", True), ("WN + GM", False)):
@@ -89,6 +90,7 @@ def test_a_test_of_gamma_variables_is_of_their_own_tail():
     assert misses(np.array([29.0]), none, V, np.array([1.0]))
 
 
+@pytest.mark.slow
 def test_p_is_of_the_model_and_not_of_weights_that_trust_the_small():
     """A random walk at zero by default weights, which all but one scale miss; of the same data by other weights too."""
     wv = drawn_channels(gj.parse_model("WN(sigma2=1.0) + RW(gamma2=1e-6)"), MEDIUM, 60, 17)

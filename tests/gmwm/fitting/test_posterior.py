@@ -102,6 +102,7 @@ def test_constraints_hold(two):
     assert len(one.z) == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [optx.BFGS(rtol=1e-10, atol=1e-10), optx.Dogleg(rtol=1e-10, atol=1e-10)])
 def test_another_solver_finds_the_same(wv, plain, solver):
     found = posterior(wv, "WN + GM", solver=solver)

@@ -23,6 +23,7 @@ def records():
     return gj.wavelet_variance(np.asarray(x))
 
 
+@pytest.mark.slow
 def test_they_are_the_inverse_covariance_under_the_two_step_fit(records):
     wv = records[0]
     first, fit = (gj.fit(wv, "WN + GM", weights=omega) for omega in ("two-step", "covariance"))
@@ -46,6 +47,7 @@ def test_iterated_weights_are_those_of_their_own_fit(records):
     assert fit.status is Status.converged
 
 
+@pytest.mark.slow
 def test_weights_from_the_covariance_gain_and_never_lose(records):
     """Of all parameters; that estimates scatter by so much less is measured in tests/validation."""
     fits = gj.fit(records, "WN + GM", weights="covariance")

@@ -39,6 +39,7 @@ def test_variances_are_drawn_from_their_theory(fit):
     assert nu.min() > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("omega", [None, "two-step", "covariance"])
 def test_a_refit_is_a_fit(wv, omega):
     """The same minimum as a global search of each replicate, with weights of the same kind."""
@@ -124,6 +125,7 @@ def test_replicates_depend_on_their_key_alone(fit, boot):
     np.testing.assert_allclose(few.values, boot.values[:70], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_replicates_from_simulated_records(fit, boot):
     """Eight of them: positive, of the same size as those from theory, with a fit each."""
     records = gj.bootstrap(fit, 8, key=jax.random.key(7), route="records")

@@ -31,6 +31,7 @@ def test_with_the_inverse_covariance_it_is_the_objective(records):
     assert test.p_value == pytest.approx(stats.chi2.sf(test.statistic, LEVELS - 3), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_wrong_model_is_found_where_it_fails(records):
     test = gj.goodness_of_fit(gj.fit(records[3], "WN"))
     assert test.p_value < 1e-6

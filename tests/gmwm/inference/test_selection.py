@@ -97,6 +97,7 @@ def test_tangents_are_the_derivative(selection):
     np.testing.assert_allclose(tangents(fit), np.stack(columns, axis=1), rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_second_selection_compiles_nothing(data, selection):
     before = module._minimise_all._cache_size()
     gj.select(data["1"], SUPERSET)
@@ -180,6 +181,7 @@ def test_text_and_json(data, selection):
         several["7"]
 
 
+@pytest.mark.slow
 def test_progress_is_told_and_cancels(data, selection):
     told = Told()
     same = gj.select(data["0"], SUPERSET, progress=told)

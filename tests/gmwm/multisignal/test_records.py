@@ -125,6 +125,7 @@ def test_equal_records_divide_the_variance(records):
     np.testing.assert_allclose(values(pair.model), values(single.model), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_theory_is_the_scatter_of_joint_estimates(joint):
     """1000 sets of records of these lengths, drawn from theory: standard deviations of the logs within 4.5 sigma."""
     num = 1000
@@ -287,6 +288,7 @@ def test_percentiles_of_few_records_say_what_they_cover(resamples):
     assert "by percentiles would cover about 81 % with this few records" in str(resamples)
 
 
+@pytest.mark.slow
 def test_t_intervals_cover_where_records_differ(records):
     """100 data sets of four records whose white noise scatters by 30 %: 95 % intervals of the mean sensor.
 

@@ -96,6 +96,7 @@ def test_records_without_an_estimate_are_left_out(joint):
     assert "1 left out" in str(comparison)
 
 
+@pytest.mark.slow
 def test_what_is_zero_for_all_is_zero_for_each():
     """A record that took white noise on would have a faster and smaller share of the process left, not another one."""
     truth = gj.parse_model("GM(beta=2.0, variance=1.0)")
@@ -124,6 +125,7 @@ def test_share_of_objectives(joint, same_test):
     assert same_test.plot().axes[0].get_xlabel() == "joint objective"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("omega", [None, "two-step"])
 def test_a_replicate_is_a_joint_fit(records, omega):
     """Also where one record is shorter."""

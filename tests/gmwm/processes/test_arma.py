@@ -245,6 +245,7 @@ def test_held_coefficients():
         gj.fit(wv, "AR(2)(phi1=1.5 fixed)")
 
 
+@pytest.mark.slow
 def test_a_unit_root_is_named():
     """A random walk fitted by an AR(2)."""
     tau = 2.0 ** np.arange(1, 13)

@@ -17,6 +17,7 @@ from gmwm_jax.processes.registry import _REGISTERED
 LAGS = np.unique(np.round(np.append(0, np.geomspace(1, 1e6, 100))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("beta", [1e-4, 0.01, 3.0])
 def test_what_follows_from_one_law(law, beta):
@@ -33,6 +34,7 @@ def test_what_follows_from_one_law(law, beta):
     assert difference_of_covariances(own, process) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("process", "law", "stationary"),
     [
@@ -56,6 +58,7 @@ def test_draws_have_its_wavelet_variance(process, law, stationary):
         assert abs(np.mean(squares) - float(process.autocovariance([0])[0])) < 4 * np.std(squares) / np.sqrt(len(keys))
 
 
+@pytest.mark.slow
 def test_what_cannot_be_drawn_says_so():
     says_that_it_is_stationary = alone(gj.RW, "unit_psd")(1.0)
     smooth_and_slow = alone(gj.MAT32, "unit_psd")(1e-4, 1.0)
@@ -85,6 +88,7 @@ def test_a_fit_and_its_intervals_are_those_of_the_process(recording, inside, law
         )
 
 
+@pytest.mark.slow
 def test_a_fit_without_rate_is_printed(recording):
     fit = gj.fit(gj.wavelet_variance(np.asarray(recording.data)[:, 0]), gj.WN() + alone(gj.GM, "unit_psd")())
     assert "Parameters per sample" in repr(fit)
@@ -176,6 +180,7 @@ def test_a_selection_prefers_it(bent):
     assert ranked.recommended.fit.model.labels == ("WN", "Bend")
 
 
+@pytest.mark.slow
 def test_a_fit_of_it_is_saved_and_loaded(fitted, tmp_path, monkeypatch):
     path = tmp_path / "fit.json"
     fitted.save(path)
@@ -267,6 +272,7 @@ def test_the_search_goes_by_units_and_bounds():
     assert float(Signed.correlation_time((7.0, 1.0))) == 7.0
 
 
+@pytest.mark.slow
 def test_an_estimate_at_the_end_of_the_search_is_marked():
     """A class that does not say what its process is there; where it was found inside, nothing is."""
     tau = 2.0 ** np.arange(1, 15)

@@ -72,6 +72,7 @@ def test_textbook_formula_is_the_sum_over_lags(case):
         assert max(abs(a / b - 1) for a, b in zip(defined, closed, strict=True)) < 1e-39, values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", rows())
 def test_wavelet_variance_is_the_sum_over_lags(case):
     for values in case.parameters:
@@ -96,6 +97,7 @@ def test_alternating_ar1_at_odd_half_spans(phi, tau):
     assert relative_error(AR1(phi, 1.0).wavelet_variance([tau]), expected) < 1e-13
 
 
+@pytest.mark.slow
 def test_reference_wavelet_variances(shared):
     """R's wv 0.1.3 (shared/reference/README.md); where its AR1 formula cancels, the 50-digit values beside it."""
     reference = json.loads((shared / "reference" / "gmwm_theoretical_wv.json").read_text())
@@ -276,6 +278,7 @@ def test_haar_covariance_at_lag_zero_is_the_wavelet_variance(case):
         np.testing.assert_allclose(second_moment, expected, rtol=1e-10, err_msg=str(values))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", rows())
 def test_haar_cross_covariance_is_the_double_sum(case):
     """Cov(W_{j,t+h}, W_{k,t}) = sum_ab h_a h_b Cov(x_{t+h-a}, x_{t-b}), filters overlapping, touching and apart."""
@@ -297,6 +300,7 @@ def test_haar_cross_covariance_is_the_double_sum(case):
 # -- GM and AR1 are one process --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beta", [1e-6, 1e-3, 0.3, 20.0])
 def test_gm_is_ar1(beta, key):
     """GM(beta, variance) = AR1(exp(-beta), variance (1 - phi^2)) in everything; 1 - phi keeps 1e-16/beta of beta."""

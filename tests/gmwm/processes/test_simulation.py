@@ -123,6 +123,7 @@ def test_records_of_different_keys_differ(key):
     assert not np.any(np.asarray(a) == np.asarray(b))
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_vmap_or_jit(key):
     model = GM(0.01, 2.0) + QN(0.3)
     keys = jax.random.split(key, 5)

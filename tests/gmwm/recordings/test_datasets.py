@@ -134,6 +134,7 @@ def test_a_missing_package_is_named_only_where_it_is_needed(shared, monkeypatch)
     assert datasets.fetch("cont.imu1").is_file()
 
 
+@pytest.mark.slow
 def test_real_imu_file_needs_no_argument(shared):
     path = shared / "data" / "adis_16405_imu1.rda"
     rec = read_recording(path)
@@ -152,6 +153,7 @@ def test_real_imu_file_needs_no_argument(shared):
     np.testing.assert_array_equal(stated.column("roll"), rec.column("gyro_x"))
 
 
+@pytest.mark.slow
 def test_real_contaminated_file_under_another_name(shared, tmp_path):
     path = tmp_path / "mine.RData"
     path.write_bytes((shared / "data" / "cont.imu1.rda").read_bytes())

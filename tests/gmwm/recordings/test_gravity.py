@@ -81,6 +81,7 @@ def test_a_file_with_missing_samples_and_other_names(tmp_path):
         read_recording(write(tmp_path / "a.csv", values, names), rate=100.0, gaps="nan")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 4])
 def test_real_recordings_are_not_doubted(shared, number):
     with warnings.catch_warnings(action="error"):

@@ -181,6 +181,7 @@ def test_a_recording_knows_its_rate_and_unit_and_the_result_prints_itself(key):
         gj.regress(recording, regressors, "WN", rate=99.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("num", [500, 5000])
 def test_the_figure_shows_data_residuals_and_noise(num, key):
     y = np.array(gj.simulate("WN(sigma2=1.0)", num, key=key))

@@ -68,6 +68,7 @@ def test_a_pure_law_is_recognised():
         assert np.all(found <= laws[:, law] * 1.03)
 
 
+@pytest.mark.slow
 def test_bands_are_chi_square_and_narrower_than_those_of_weights():
     wv = simulated()
     fit = gj.fit(wv, "WN + GM", weights="two-step")
@@ -154,6 +155,7 @@ def test_a_clean_record_is_not_warned_of():
     assert gj.wavelet_variance(white(MEDIUM)).warnings == ()
 
 
+@pytest.mark.slow
 def test_the_root_that_few_degrees_of_freedom_have_misled(shared):
     """At level 18 of the x accelerometer of a real unit the robust root is 18 times below the classic variance."""
     rec = gj.read_recording(shared / "data" / "adis_16405_imu1.rda")["accel_x"]
@@ -161,6 +163,7 @@ def test_the_root_that_few_degrees_of_freedom_have_misled(shared):
     assert "accel_x is 17.6 times below the classic one at a span of 2621 s" in said
 
 
+@pytest.mark.slow
 def test_a_walk_on_a_real_gyro_is_a_misfit(shared):
     """White noise and a random walk have an N with an interval of 0.15 %, and miss the data by tens of sigmas."""
     rec = gj.read_recording(shared / "data" / "adis_16405_imu1.rda")["gyro_x"]

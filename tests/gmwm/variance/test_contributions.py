@@ -16,6 +16,7 @@ def coefficients(x, level):
     return np.array([t - n + 1 for t in ends]), np.array(W)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("num", "block"), [(100, 7), (100, 25), (64, 64), (97, 1), (100, 90)])
 def test_each_coefficient_belongs_to_one_block(num, block):
     x = np.random.default_rng(num).normal(size=num) + 3.0

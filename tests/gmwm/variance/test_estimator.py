@@ -14,6 +14,7 @@ X = np.random.default_rng(3).normal(size=4000)
 GAPPY = np.where(np.arange(4000) % 9 == 4, np.nan, X)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("record", "estimator", "shorthand"),
     [

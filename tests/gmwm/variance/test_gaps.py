@@ -139,6 +139,7 @@ def test_covariance_against_dense_matrices(text, present):
     assert scipy.linalg.eigvalsh(seen / size)[0] > 0
 
 
+@pytest.mark.slow
 def test_covariance_with_a_drift_and_without_gaps():
     present, noise = scattered(200, 0.1), gj.WN(1.0) + gj.GM(0.1, 1.0)
     Q, S = matrices(present), covariance_matrix(noise, 200)
@@ -151,6 +152,7 @@ def test_covariance_with_a_drift_and_without_gaps():
     np.testing.assert_allclose(complete, np.asarray(gj.variance.wv_covariance(noise, 200)), rtol=1e-8, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_gaps_widen_intervals_as_the_theory_says():
     """Half of the samples of white noise: 3.5 times the variance at the shortest span, twice that of all scales taken
     together, which is what half of the information costs.
@@ -204,6 +206,7 @@ def test_every_way_in_is_the_same(gappy, tmp_path):
     np.testing.assert_array_equal(complete.variance, a.variance)
 
 
+@pytest.mark.slow
 def test_a_fit_knows_the_gaps(gappy):
     wv = gj.wavelet_variance(gappy[:, 1], gaps="pairs", rate=10.0)
     fit = gj.fit(wv, "WN", weights="covariance")

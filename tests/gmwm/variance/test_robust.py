@@ -220,6 +220,7 @@ def contaminated(x, kind, rng):
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("num", "efficiency"), [(10_000, 0.6), (100_000, 0.9)])
 @pytest.mark.parametrize("seed", range(3))
 def test_parameters_under_a_burst(seed, num, efficiency):
@@ -275,6 +276,7 @@ def test_breakdown(efficiency, share):
 # -- a fit -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_robust_fit_says_so_and_has_wider_intervals():
     x = np.asarray(gj.simulate(gj.WN(1.0) + gj.RW(1e-4), 20_000, key=jax.random.key(1)))
     classic, robust = (gj.fit(gj.wavelet_variance(x, efficiency=e), "WN + RW") for e in (None, 0.6))

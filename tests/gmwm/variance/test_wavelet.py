@@ -269,6 +269,7 @@ def test_bad_options_name_their_fault():
         gj.wavelet_variance(gj.Recording.from_array(x, rate=1.0, units="1"), rate=5.0)
 
 
+@pytest.mark.slow
 def test_the_jax_path_takes_one_record():
     """Two channels would be summed into one; single precision would stay single."""
     x = np.random.default_rng(0).normal(size=(100, 2))

@@ -41,6 +41,7 @@ def dense(model, num_samples, num_levels):
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", rows(ergodic=True))
 def test_every_process_against_all_pairs_of_coefficients(case):
     """N = 300 is no power of two; J = 7."""

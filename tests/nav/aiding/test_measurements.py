@@ -256,6 +256,7 @@ def test_bad_covariances_are_refused(options, message):
 # states of its own
 
 
+@pytest.mark.slow
 def test_own_states_move_as_their_process_says(key):
     """A constant and a random walk, drawn at uneven fixes: variances by hand, 5 sigma of 4000 runs."""
     sensor = Odometer(2.0, speed=0.1, scale_sd=0.03, scale_noise=RW(4e-5))

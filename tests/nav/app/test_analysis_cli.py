@@ -150,6 +150,7 @@ def test_budget_computes_what_the_functions_do(config, tmp_path):
     assert content["rms"]["position"] == pytest.approx(content["filters"]["right"]["position_rms"])
 
 
+@pytest.mark.slow
 def test_budget_writes_tables_and_figures(config, tmp_path, monkeypatch):
     b, s = make_budget(), make_sensitivities()
     config.write_text(TEXT + "[filters.optimist]\nsensor = 'mti-g'\nrate = '20 Hz'\n[run]\nevery = 4\ngravity = 9.8\n")
@@ -199,6 +200,7 @@ def test_design_computes_and_its_filter_can_be_compared(config, tmp_path):
     assert candidate["designed"]["loss"] <= candidate["truncated"]["loss"]
 
 
+@pytest.mark.slow
 def test_a_design_is_confirmed_on_request(config, tmp_path, monkeypatch):
     runs = {name: make_runs(name) for name in ("designed", "truncated", "right")}
     result = nj.simulation.Comparison(motions.static(10.0, 10.0), runs)

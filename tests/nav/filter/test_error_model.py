@@ -106,6 +106,7 @@ ROTATION = 1.1
 """rad/s of `motion`, about."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 10])
 def test_transition_is_that_of_the_mechanisation(n):
     """Of navigation errors exactly; what sensor states do, to a quarter of the rotation in a step (0.01 or 0.1 rad).
@@ -248,6 +249,7 @@ def rough_reference():
     return nj.Trajectory.from_quaternion(smooth.time, np.round(smooth.position / 2e-4) * 2e-4, smooth.quaternion)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rough", [False, True])
 def test_fewer_covariance_steps_make_the_same_covariance(rough):
     """Every 10th sample against every one, over 20 s with an outage of 10 s: standard deviations to 1e-4."""

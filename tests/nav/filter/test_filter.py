@@ -65,6 +65,7 @@ def drawn(e, errors, key):
 # without noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", ["estimate", "reference"])
 @pytest.mark.parametrize("every", [1, 10])
 def test_without_noise_the_reference_comes_back(gains, every):
@@ -81,6 +82,7 @@ def test_without_noise_the_reference_comes_back(gains, every):
     np.testing.assert_allclose(e.timeline.truth.p[:, :, 0], reference.position[1000::1000], rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_without_noise_fixes_change_nothing(off_grid):
     out = nj.filter.run_filter(off_grid, white(), setups.quiet_inputs(off_grid))
     assert np.abs(np.asarray(out.judgement.error)[:, :9]).max() < 1e-8
@@ -168,6 +170,7 @@ def test_gains_of_the_reference_are_exact_to_first_order(lemniscate, key):
     assert 0.003 < small / large < 0.03
 
 
+@pytest.mark.slow
 def test_gains_part_where_the_attitude_is_far_off(lemniscate, key):
     """An initial error of 20 deg bends the filter: half a standard deviation and more between the two."""
     assert relative_difference(lemniscate, key, 1.0, np.deg2rad(20.0)) > 0.5
@@ -195,6 +198,7 @@ def wrapped():
     return nj.Trajectory.from_euler(reference.time, reference.position, euler, velocity=reference.velocity)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [loop, wrapped])
 def test_no_attitude_is_singular(key, motion):
     """NEES of 16 runs, averaged over 10 epochs, in a band of 4.5 sigma as if no two epochs were correlated, doubled."""
@@ -211,6 +215,7 @@ def test_no_attitude_is_singular(key, motion):
 # status
 
 
+@pytest.mark.slow
 def test_a_run_that_overflows_is_marked_and_leaves_the_others_alone(lemniscate, key):
     errors, e = white(), on_grid(lemniscate)
     inputs = setups.given(e, drawn(e, errors, key))

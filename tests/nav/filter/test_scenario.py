@@ -61,6 +61,7 @@ def test_it_says_what_it_is():
     ]
 
 
+@pytest.mark.slow
 def test_it_is_changed_by_replace_and_survives_a_way_to_another_process():
     one = nj.Scenario(REFERENCE, AIDING, START)
     other = dataclasses.replace(one, every=4)

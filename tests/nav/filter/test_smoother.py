@@ -78,6 +78,7 @@ def test_it_is_the_textbook_smoother(experiment, outcomes):
     assert np.abs(x / sd).max() > 1
 
 
+@pytest.mark.slow
 def test_the_last_estimate_is_the_filter_s(outcomes):
     plain, smooth = outcomes
     for a, b in zip(plain.state, smooth.state, strict=True):
@@ -119,6 +120,7 @@ def test_navigation_is_smoothed():
     np.testing.assert_allclose(smooth.nis["gnss_position"], plain.nis["gnss_position"], atol=1e-19)
 
 
+@pytest.mark.slow
 def test_it_is_better_where_fixes_are_missing(outcomes):
     """In the middle of the outage, by its own claims and in the errors of the four runs taken together."""
     plain, smooth = (o.judgement for o in outcomes)

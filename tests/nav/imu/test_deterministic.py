@@ -103,6 +103,7 @@ def test_constants_have_their_standard_deviations_and_keep_them_at_another_rate(
     assert "ScaleFactor: sd accel" in repr(errors)
 
 
+@pytest.mark.slow
 def test_the_integral_of_an_error_over_a_step_weighs_by_the_mean_reading():
     """Scale factor beside a Gauss-Markov process, three samples: against the sum by hand."""
     model = WN(1e-6) + GM(0.1, 1e-4)

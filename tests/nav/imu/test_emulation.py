@@ -126,6 +126,7 @@ def test_a_longer_run_begins_as_a_shorter_one(model):
     np.testing.assert_allclose(long[:SHORT], short, rtol=1e-11, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_another_process_leaves_the_rest_alone():
     """What is added is added: the white noise and the processes that were there keep their numbers."""
     one = emulated(nj.ImuErrors(MODEL, WHITE, RATE), keys(2), SHORT)

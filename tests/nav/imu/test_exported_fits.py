@@ -28,6 +28,7 @@ def fit_of(name, text):
     return Fit(model, wv, 0.0, np.eye(len(tau)), Default(), Status.converged, rate=RATE)
 
 
+@pytest.mark.slow
 def test_six_axes_there_and_back(tmp_path):
     """In the order of the file's channels, not of the fits; every parameter to its last digit."""
     fits = gj.fitting.Channels({name: fit_of(name, text) for name, text in reversed(MODELS.items())})

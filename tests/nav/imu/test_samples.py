@@ -76,6 +76,7 @@ def test_sculling_is_no_force():
     assert off["averages"] < 2.2e-4
 
 
+@pytest.mark.slow
 def test_instants_are_joined_to_means():
     """Their mean is of second order in the interval: 10 s of slow turning are right to 1e-4."""
     time = np.arange(1001) * DT

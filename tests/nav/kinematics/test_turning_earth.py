@@ -68,6 +68,7 @@ def test_newton_in_inertial_space_agrees(platform):
     assert np.abs(2 * np.cross(SmallPlanet.rate, START[1])).max() * 8.0**2 / 2 > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [nj.motions.lemniscate, nj.motions.climb])
 def test_perfect_sensors_lead_along_the_reference(motion):
     """30 s at 100 Hz, to 1e-8 m and 1e-11 rad; body rates are those in inertial space, rate of the planet included."""

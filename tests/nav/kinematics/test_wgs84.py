@@ -36,6 +36,7 @@ def in_n(origin, lla):
     return np.stack(pymap3d.geodetic2ned(deg[:, 0], deg[:, 1], lla[:, 2], centre[0], centre[1], origin[2]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ORIGINS)
 def test_gravity_and_height_are_those_of_angles(name):
     """To 20 km of height and 100 km away: 1e-9 m/s^2 in all three components, and a micrometre of height."""
@@ -67,6 +68,7 @@ def test_the_gradient_is_that_of_schuler():
     np.testing.assert_allclose(found, np.diag([-g / R, -g / R, 2 * g / R]), rtol=0, atol=0.01 * g / R)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latitude", [np.pi / 2, -np.pi / 2, 0.0])
 def test_derivatives_are_finite_everywhere(latitude):
     """At a pole, on the axis above it, and at the origin; they are those of differences."""

@@ -31,6 +31,7 @@ def budget():
 # -- parameters on the real line --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_lines_are_the_parameters():
     lines = ErrorLines(TRUTH)
     assert lines.names[:3] == ("accel WN sigma2", "accel GM_1 beta", "accel GM_1 variance")
@@ -152,6 +153,7 @@ def test_parts_add_up_to_the_whole(budget):
     np.testing.assert_allclose(budget.share("tilt").sum(axis=0), 1.0, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_part_is_an_analysis_without_the_others(budget):
     """Gyro noise alone: of a truth without anything else, with the gains of the same filter."""
     outage = {"outages": AIDING[0].outages}
@@ -243,6 +245,7 @@ def test_designed_filters_beat_parts_of_the_truth(designed):
     assert designed.candidates[1].loss < designed.candidates[0].loss
 
 
+@pytest.mark.slow
 def test_no_filter_is_better_than_the_right_one(designed):
     """A proper score: of the truth it is least."""
     k = designed.right[0].epoch()
@@ -250,6 +253,7 @@ def test_no_filter_is_better_than_the_right_one(designed):
         assert c.covariances[0].rms("position")[k] >= designed.right[0].rms("position")[k] * (1 - 1e-9)
 
 
+@pytest.mark.slow
 def test_the_score_is_that_of_the_covariances(designed):
     """Recomputed from the result by dense algebra."""
     c = designed.best()
@@ -259,6 +263,7 @@ def test_the_score_is_that_of_the_covariances(designed):
     assert np.mean(score) == pytest.approx(c.loss, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_results_of_a_design(designed):
     text = repr(designed)
     assert "0 GM accel, 1 GM gyro" in text

@@ -106,6 +106,7 @@ def _white(left, dt, order):
     return np.sum((left ** (2 * order - 1) - (left - dt) ** (2 * order - 1)) / (2 * order - 1)) / f**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", STILL)
 def test_unaided_and_at_rest_the_integrals_of_the_noise_come_out(case):
     """Accelerometer errors integrate once and twice, gyro errors tilt and pull gravity in (Blum & Dambeck 2020): 1e-6.
@@ -160,6 +161,7 @@ def like_fewer(white, beta, bias=5e-5):
     return nj.ImuErrors(gj.WN(white) + gj.GM(beta, 1e-5), gj.WN(3e-6), setups.RATE, gyro_bias_sd=bias)
 
 
+@pytest.mark.slow
 def test_many_filters_at_once_compile_once():
     """Each is what it is alone; other numbers need no other program."""
 
@@ -228,6 +230,7 @@ def test_a_negative_variance_is_seen(side, negative):
     assert bool(setups.covariances(*pair).valid.all()) is not negative
 
 
+@pytest.mark.slow
 def test_second_moments_are_linear_in_the_noise(experiment):
     """Four times the noise, four times the mean squares, with the gains of the same filter."""
     noise, bank, motion = noise_of(experiment, TRUTH), FILTERS["fewer"].bank(), setups.motion()
@@ -268,6 +271,7 @@ def test_distribution_of_weighted_squares():
         assert np.mean(draws <= x) == pytest.approx(p, abs=4.5 * np.sqrt(p * (1 - p) / 400_000))
 
 
+@pytest.mark.slow
 def test_progress_is_told_and_cancels():
     told = Told()
     nj.analyse(setups.SCENARIO, TRUTH, FILTERS, progress=told)
@@ -298,6 +302,7 @@ AT_REST = nj.Scenario(nj.motions.static(2.0, setups.RATE), every=10, output_inte
 """From a start that is known."""
 
 
+@pytest.mark.slow
 def test_states_of_what_is_not_there_are_noted():
     white, walk = gj.WN(1e-4), gj.WN(1e-4) + gj.RW(1e-9)
     truth, believed = (
@@ -311,6 +316,7 @@ def test_states_of_what_is_not_there_are_noted():
     )
 
 
+@pytest.mark.slow
 def test_a_start_that_is_known_has_no_nees():
     c = nj.analyse(AT_REST, TRUTH)["filter"]
     # position is known exactly until noise has gone through twice

@@ -352,6 +352,7 @@ def test_the_overview_shows_its_data(reference):
         assert name.startswith(one.model)
 
 
+@pytest.mark.slow
 def test_given_axes_are_used(reference, comparison):
     r = make_runs(num_runs=6)
     for plot, result, shape in (

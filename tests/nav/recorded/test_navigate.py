@@ -81,6 +81,7 @@ def test_it_is_the_run_of_the_monte_carlo(emulated):
     assert "NIS of barometer" in repr(solution)
 
 
+@pytest.mark.slow
 def test_free_inertial_navigation_returns_the_motion():
     imu, truth = nj.perfect_imu(REFERENCE, setups.RATE)
     solution = nj.navigate(
@@ -101,6 +102,7 @@ def test_free_inertial_navigation_returns_the_motion():
     assert solution.nis == {}
 
 
+@pytest.mark.slow
 def test_fewer_covariance_steps(emulated):
     one, ten = navigate(emulated), navigate(emulated, every=10)
     common = np.flatnonzero(np.isin(np.round(one.time, 9), np.round(ten.time, 9)))
@@ -108,6 +110,7 @@ def test_fewer_covariance_steps(emulated):
     assert len(ten.trajectory) < len(one.trajectory) / 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 10])
 def test_both_sides_of_a_fix_are_those_of_the_update(emulated, every):
     """The barometer measures -p_d alone: what it changes follows from both sides' claims by the textbook's formula."""

@@ -80,6 +80,7 @@ def test_the_estimate_lies_within_its_band(drive, smooth):
         assert abs(nis.mean() / K - 1) < 4.5 * np.sqrt(2 / (K * len(nis)))
 
 
+@pytest.mark.slow
 def test_an_arm_that_the_filter_does_not_know_is_a_bias(drive):
     """The height of the antenna is taken for that of the IMU, and so the forward arm, up to what turns tell."""
     solution = navigated(drive, nj.GnssPosition(1.0, horizontal=0.05, vertical=0.1))
@@ -92,6 +93,7 @@ def test_an_arm_that_the_filter_does_not_know_is_a_bias(drive):
     assert solution.nis["gnss_position"].mean() / 3 > 1 + 4.5 * np.sqrt(2 / (3 * SECONDS))
 
 
+@pytest.mark.slow
 def test_a_scale_factor_that_the_filter_does_not_know_is_seen(drive):
     """A wheel that is taken for exact has innovations far larger than stated."""
     exact = nj.Odometer(2.0, speed=0.03, sideways=0.05, lever_arm=setups.WHEEL_ARM)

@@ -89,6 +89,7 @@ def test_slopes_are_those_of_differences(record):
     assert found.loss == pytest.approx(float(nj.recorded.innovation_loss(record, TRUTH, done.sensors)), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_the_truth_is_found(tuned):
     """Within 4 standard errors; the likelihood is above that of the truth, and the guess was far."""
     assert tuned.converged
@@ -123,6 +124,7 @@ def test_what_the_record_does_not_show_is_held(record):
     assert repr(found).endswith("given the values of what is held.")
 
 
+@pytest.mark.slow
 def test_a_prior_holds_back(record, tuned):
     imu, fixes, start = record
     held = nj.tune(imu, fixes, GUESS, every=4, prior=1e-4, **start)
@@ -296,6 +298,7 @@ def test_a_process_that_is_not_there_is_lost(record, monkeypatch):
     np.testing.assert_array_equal(log(found.errors)[held], log(guess)[held])
 
 
+@pytest.mark.slow
 def test_with_a_prior_what_the_record_does_not_show_says_so(record):
     imu, fixes, start = record
     weak = nj.ImuErrors(gj.WN(4e-4) + gj.RW(1e-18), TRUTH.models[3], RATE)
@@ -349,6 +352,7 @@ def test_objects_of_another_class(record, options, message, monkeypatch):
             run(imu, fixes, GUESS, **(start | options))
 
 
+@pytest.mark.slow
 def test_steps_are_counted_and_an_interrupt_keeps_where_the_search_is(record):
     imu, fixes, start = record
     told = Told(2, KeyboardInterrupt)

@@ -61,6 +61,7 @@ def test_what_is_withheld_is_what_the_solution_says_there(drive, solution):
     )
 
 
+@pytest.mark.slow
 def test_a_filter_without_those_fixes_is_the_same(drive, solution):
     imu, fixes, start, _ = drive
     gnss = nj.GnssPosition(horizontal=0.2, vertical=0.2)
@@ -118,6 +119,7 @@ def test_a_reference_that_is_shorter_or_elsewhere(drive):
         nj.navigate(imu, [fixes], ERRORS, **start, reference=away)
 
 
+@pytest.mark.slow
 def test_a_smoother_has_predictions_too(drive, solution):
     imu, fixes, start, exact = drive
     smooth = nj.navigate(imu, [fixes], ERRORS, **start, smooth=True, reference=exact)
@@ -179,6 +181,7 @@ def test_a_solution_comes_back_as_it_was(solution, tmp_path, suffix):
     assert found.plot().axes
 
 
+@pytest.mark.slow
 def test_a_solution_without_aiding_comes_back(drive, tmp_path):
     imu, _, start, _ = drive
     free = nj.navigate(imu, [], ERRORS, **start)

@@ -49,6 +49,7 @@ def test_the_table_counts_the_common_runs(comparison):
     assert [one.num_failed for one in table] == [1, 0, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [None, 30.0])
 def test_the_numbers_of_each_model(comparison, at):
     table = comparison.table(at)

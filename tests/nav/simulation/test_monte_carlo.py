@@ -64,6 +64,7 @@ def test_chunks_and_threads_change_nothing(seven, chunk_size, workers):
         assert_same(again[name], runs)
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_however_many_there_are(seven):
     more = compare(num_runs=9, chunk_size=3)
     assert more["right"].error.shape[0] == 9

@@ -145,6 +145,7 @@ def test_blocks_leave_no_trace():
     assert energy_score(error[:0], P[:0]).shape == (0,)
 
 
+@pytest.mark.slow
 def test_is_fast():
     """500 runs of 301 epochs take less than a second of one core; the limit is for busy machines."""
     rng = np.random.default_rng(10)

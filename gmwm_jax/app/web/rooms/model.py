@@ -18,6 +18,7 @@ from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.saved import Fitted
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Same, Store
+from gmwm_jax.app.web.theory import theory_of_processes
 from gmwm_jax.app.web.truth import beside
 
 BOXES = {
@@ -160,6 +161,7 @@ def _ui(state: State, limits: Limits) -> Tag:
             ui.input_action_button("use", "Fit with these", class_="btn-outline-primary"),
         ),
         ui.output_ui("history"),
+        theory_of_processes(),
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import pytest
 from gmwm_jax.app.web import recap
 
 
+@pytest.mark.slow
 def test_intervals_are_as_wide_as_those_that_are_printed():
     for _, truth, estimate, low, high, inside, *_ in recap.table().rows:
         assert low < estimate < high

@@ -26,6 +26,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_file_and_the_command_give_the_same_numbers(folder, capsys):
     np.save(folder / "static.npy", np.asarray(gj.simulate(TRUTH, MEDIUM, key=jax.random.key(5))))
     own = OwnFile("static.npy", {"rate": RATE, "units": "1", "time": None})
@@ -44,6 +45,7 @@ def test_the_file_and_the_command_give_the_same_numbers(folder, capsys):
         assert [e["value"] for e in found["parameters"]] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_published_variances_need_no_file(folder):
     (folder / "analysis.py").write_text(script.python(Analysis(Published("mti-g"), ("gyro_x",), "WN + RW")))
     runpy.run_path(str(folder / "analysis.py"))

@@ -18,6 +18,7 @@ def of(unit, name):
 IMU = [of("rad/s", "gyro_x"), of("m/s^2", "accel_x")]
 
 
+@pytest.mark.slow
 def test_every_format_has_a_file_and_a_text():
     made = snippets.snippets(IMU)
     assert [s.format for s in made] == list(snippets.formats())

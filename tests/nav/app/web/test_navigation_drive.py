@@ -14,6 +14,7 @@ def sent(tmp_path):
     return [Sent(path.name, str(path.rename(tmp_path / f"{i}"))) for i, path in enumerate(write_drive(tmp_path))]
 
 
+@pytest.mark.slow
 def test_a_drive_is_navigated_and_drawn(sent):
     told = []
     found = navigate(sent, Limits(), lambda done, total: told.append(done))

@@ -73,6 +73,7 @@ def test_runs_are_drawn_and_ranked(runs):
     assert figures.trajectory(runs.reference).layout.yaxis.scaleanchor == "x"
 
 
+@pytest.mark.slow
 def test_steps_of_the_tutorial():
     said, table = steps.compared()
     assert said.startswith("Printed: [66 %, 74 %] about 70 %")
@@ -100,6 +101,7 @@ def test_files_of_runs_are_what_is_shown(analysis, runs, text, monkeypatch):
     assert b"config.compare()" in made["navigation.py"]
 
 
+@pytest.mark.slow
 def test_files_are_what_is_shown_and_the_program_gives_it_again(analysis, text, tmp_path):
     made = files.downloads(files.Parts(text, analysis))
     assert made["comparison.toml"].decode() == text
