@@ -12,7 +12,7 @@ from gmwm_jax.processes.registry import PROCESSES
 
 
 class Theory(NamedTuple):
-    """Of one process; both are written as Python has them, with e for standard normal noise."""
+    """Of one process; both are written as Python has them, with eps for standard normal noise."""
 
     definition: str
     moment: str
@@ -23,39 +23,39 @@ class Theory(NamedTuple):
 _FIRST_ORDER = "(n*(1 - phi**2) - phi*(1 - phi**n)*(3 - phi**n)) / (2*n**2*(1 - phi)**2)"
 
 THEORY: Mapping[str, Theory] = MappingProxyType({
-    "WN": Theory("x[t] == sigma*e[t]", "nu(tau)**2 == sigma2/tau", "Angle or velocity random walk."),
+    "WN": Theory("x[t] == sigma*eps[t]", "nu(tau)**2 == sigma2/tau", "Angle or velocity random walk."),
     "QN": Theory("x[t] == sqrt(12*q2)*(y[t] - y[t-1])", "nu(tau)**2 == 6*q2/tau**2", "y is uniform between 0 and 1."),
-    "RW": Theory("x[t] == x[t-1] + gamma*e[t]", "nu(tau)**2 == gamma2*(tau**2 + 2)/(12*tau)", "Rate random walk."),
+    "RW": Theory("x[t] == x[t-1] + gamma*eps[t]", "nu(tau)**2 == gamma2*(tau**2 + 2)/(12*tau)", "Rate random walk."),
     "DR": Theory("x[t] == omega*t", "nu(tau)**2 == omega**2*tau**2/16", "Rate ramp."),
     "AR1": Theory(
-        "x[t] == phi*x[t-1] + sigma*e[t]",
+        "x[t] == phi*x[t-1] + sigma*eps[t]",
         f"nu(tau)**2 == sigma2/(1 - phi**2)*{_FIRST_ORDER}",
-        "n is half of tau.",
+        "φ is the correlation of neighbours.",
     ),
     "GM": Theory(
-        "x[t] == exp(-beta)*x[t-1] + sqrt(variance*(1 - exp(-2*beta)))*e[t]",
+        "x[t] == exp(-beta)*x[t-1] + sqrt(variance*(1 - exp(-2*beta)))*eps[t]",
         f"nu(tau)**2 == variance*{_FIRST_ORDER}",
-        "n is half of tau, phi is exp(-beta).",
+        "Gauss-Markov, an AR1 with φ = exp(-β).",
     ),
     "MAT32": Theory(
-        "(D + beta)**2*x == e", "r(h) == variance*(1 + beta*h)*exp(-beta*h)",
+        "(D + beta)**2*x == eps", "r(h) == variance*(1 + beta*h)*exp(-beta*h)",
         "Second-order Gauss-Markov; r is its autocovariance, D the derivative by time.",
     ),
     "MAT52": Theory(
-        "(D + beta)**3*x == e", "r(h) == variance*(1 + beta*h + beta**2*h**2/3)*exp(-beta*h)",
+        "(D + beta)**3*x == eps", "r(h) == variance*(1 + beta*h + beta**2*h**2/3)*exp(-beta*h)",
         "Third-order Gauss-Markov.",
     ),
     "FGN": Theory(
         "r(h) == sigma2/2*((h + 1)**(2*H) - 2*h**(2*H) + (h - 1)**(2*H))",
         "nu(tau)**2 == sigma2*n**(2*H - 2)*(1 - 2**(2*H - 2))",
-        "Fractional Gaussian noise; n is half of tau, r is the autocovariance at the lags from 1 on.",
+        "Fractional Gaussian noise; r is the autocovariance at the lags from 1 on.",
     ),
     "BI": Theory("S(f) == B**2/(2*pi*f)", "nu(tau)**2 == B**2*log(2)/pi", "Flicker noise, the same at every scale."),
-    "FLK": Theory("f < f0", "S(f) == B**2/(2*pi*f)", "Flicker noise below its corner f0."),
+    "FLK": Theory("S(f) == B**2/(2*pi*f)", "f < f0", "Flicker noise below its corner."),
     "SIN": Theory(
         "x[t] == sqrt(alpha2)*sin(beta*t + U)",
         "nu(tau)**2 == alpha2*sin(beta*n/2)**4/(2*n**2*sin(beta/2)**2)",
-        "Of a phase U that nobody knows; n is half of tau.",
+        "Of a phase U that nobody knows.",
     ),
 })  # fmt: skip
 """By name; a model is a sum, and its wavelet variance the sum of theirs."""
@@ -65,6 +65,7 @@ assert set(THEORY) == set(PROCESSES)
 _LETTERS = {
     "sigma2": ("σ", "2"), "gamma2": ("γ", "2"), "alpha2": ("α", "2"), "q2": ("q", "2"), "variance": ("σ", "2"),
     "sigma": "σ", "gamma": "γ", "omega": "ω", "beta": "β", "phi": "φ", "tau": "τ", "nu": "ν", "pi": "π", "f0": "f₀",
+    "eps": "ε",
 }  # fmt: skip
 _SUM, _FIRST, _PRODUCT, _POWER = 1, 2, 3, 4
 """How strongly operations bind; before the first factor a sign needs no brackets."""
@@ -86,10 +87,10 @@ def mathml(expression: str) -> HTML:
     Examples
     --------
     >>> from gmwm_jax.app.web.theory import mathml
-    >>> mathml("6*q2/tau**2")[:45]
-    '<math display="inline"><mfrac><mrow><mn>6</mn'
+    >>> mathml("6*q2/tau**2")[:49]
+    '<math displaystyle="true"><mfrac><mrow><mn>6</mn'
     """
-    return HTML(f'<math display="inline">{_written(ast.parse(expression, mode="eval").body)}</math>')
+    return HTML(f'<math displaystyle="true">{_written(ast.parse(expression, mode="eval").body)}</math>')
 
 
 def _written(node: ast.expr, around: int = 0) -> str:
@@ -151,11 +152,16 @@ def _around(inside: str, brackets: bool) -> str:
 
 def theory_of_processes() -> Tag:
     """Make the table of the page."""
-    head = ui.tags.tr(*(ui.tags.th(name, scope="col") for name in ("process", "definition", "moment", "")))
+    head = ui.tags.tr(
+        *(
+            ui.tags.th(name, scope="col")
+            for name in ("process", "definition", "wavelet variance, or autocovariance r", "")
+        )
+    )
     rows = [
         ui.tags.tr(
             ui.tags.th(kind, scope="row"), ui.tags.td(mathml(of.definition)), ui.tags.td(mathml(of.moment)),
-            ui.tags.td(of.remark),
+            ui.tags.td(of.remark, style="white-space: normal; min-width: 12rem"),
         )
         for kind, of in THEORY.items()
     ]  # fmt: skip
@@ -163,8 +169,8 @@ def theory_of_processes() -> Tag:
         ui.tags.summary("What the processes are"),
         ui.p(
             "A model is a sum of processes, and its wavelet variance the sum of theirs. Parameters are per sample; "
-            "ν² is the Haar wavelet variance at a scale of τ samples, half of the Allan variance at τ/2; e is standard "
-            "normal noise."
+            "ν² is the Haar wavelet variance at a scale of τ samples, half of the Allan variance at τ/2; ε is standard "
+            "normal noise, and n is τ/2."
         ),
         ui.div(ui.tags.table(ui.tags.thead(head), ui.tags.tbody(*rows), class_="table"), class_="gmwm-table"),
         id="theory",
