@@ -16,9 +16,9 @@ from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics import strapdown
-from nav_jax.kinematics.earth import EarthInLoops
+from nav_jax.kinematics.earth import EarthInLoops, Pull
 from nav_jax.kinematics.linalg import symmetrise
-from nav_jax.kinematics.rotation import cross, dcm_from_quat, quat_from_rotvec, quat_multiply
+from nav_jax.kinematics.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from nav_jax.kinematics.state import NavState
 
 
@@ -38,10 +38,11 @@ def mechanise(
     ends: Float[Array, " n"],
     bank: SensorBank,
     earth: EarthInLoops,
+    pull: Pull | None,
 ) -> NavState:
     """Advance the estimate by the n pieces of one covariance step, without the covariance."""
     for i in range(len(dt)):
-        state, _, _ = _piece(state, imu[i], dt[i], ends[i], bank, earth)
+        state, _, _ = _piece(state, imu[i], dt[i], ends[i], bank, earth, pull)
     return state
 
 
@@ -52,59 +53,49 @@ def mechanise_with_motion(
     ends: Float[Array, " n"],
     bank: SensorBank,
     earth: EarthInLoops,
-    gradient: Float[Array, "3 3 R"] | None,
+    pull: Pull | None,
     *,
     with_reading: bool = False,
 ) -> tuple[NavState, Motion]:
     """Advance the estimate by one covariance step, and sum up the motion over it.
 
-    The gradient is that of gravity somewhere near, None where that is the same everywhere; the mean reading is a part
-    of the motion where the bank depends on it, or on demand.
+    The pull is that of gravity somewhere near, None where that is the same everywhere; the mean reading is a part of
+    the motion where the bank depends on it, or on demand.
     """
     with_reading = with_reading or bank.depends
-    first, T = state, jnp.sum(dt)
-    C = dcm_from_quat(state.q)
-    C_sum = jnp.zeros_like(C)
-    # integrals of gravity and of the Coriolis acceleration, to be accumulated where they differ from piece to piece
-    is_same = earth.constant is not None and earth.rate is None
-    falls = None if is_same else (jnp.zeros_like(first.v), jnp.zeros_like(first.v))
+    T, C = jnp.sum(dt), dcm_from_quat(state.q)
+    zero = jnp.zeros_like(state.v)
 
     def piece(carry, inputs):
-        state, C, C_sum, reading, falls = carry
+        state, C, C_sum, reading, S_1, S_2 = carry
         sample, length, end = inputs
-        v = state.v
-        state, sensed, fall = _piece(state, sample, length, end, bank, earth)
+        state, sensed, (once, twice) = _piece(state, sample, length, end, bank, earth, pull)
         C_next = dcm_from_quat(state.q)
         reading = None if reading is None else reading + length * sensed
-        if falls is not None:
-            fall = fall if earth.rate is None else fall - cross(earth.rate, v + state.v)
-            falls = falls[0] + length * fall, falls[1] + length * falls[0] + length**2 / 2 * fall
-        return (state, C_next, C_sum + length / 2 * (C + C_next), reading, falls), None
+        S_1, S_2 = S_1 + once, S_2 + length * S_1 + twice
+        return (state, C_next, C_sum + length / 2 * (C + C_next), reading, S_1, S_2), None
 
-    carry = (state, C, C_sum, jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None, falls)
+    reading = jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None
+    carry = (state, C, jnp.zeros_like(C), reading, zero, zero)
     if len(dt) == 1:
-        (state, _, C_sum, reading, falls), _ = piece(carry, (imu[0], dt[0], ends[0]))
+        (state, _, C_sum, reading, S_1, S_2), _ = piece(carry, (imu[0], dt[0], ends[0]))
     else:
-        (state, _, C_sum, reading, falls), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
+        (state, _, C_sum, reading, S_1, S_2), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
     # an empty step has no mean, and needs none: everything it multiplies is zero
     inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
     mean = C_sum * inverse
-    if falls is None:
-        g_n = earth.gravity(first.p, first.v, T)
-        falls = T * g_n, T**2 / 2 * g_n
-    once, twice = falls
-    S_1 = state.v - first.v - once
-    S_2 = state.p - first.p - T * first.v - twice
+    gradient = None if pull is None else pull.gradient
     motion = Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient, earth.rate)
     return jax.lax.optimization_barrier((state, motion))
 
 
-def _piece(state, sample, dt, ends, bank, earth):
-    """The estimate after a piece; what the IMU has sensed during it as far as one knows, and gravity."""
+def _piece(state, sample, dt, ends, bank, earth, pull):
+    """The estimate after a piece; what the IMU has sensed during it as far as one knows, and its force's integrals."""
     sensed = bank.compensated(sample, state.x)
-    g_n = earth.gravity(state.p, state.v, dt)
-    p, v, q = strapdown.step(state.p, state.v, state.q, sensed[3:], sensed[:3], dt, g_n, earth.rate)
-    return NavState(p, v, q, bank.advance(state.x, ends)), sensed, g_n
+    g_n = earth.gravity(state.p, state.v, dt, pull)
+    start = state.p, state.v, state.q
+    after, of_force = strapdown.step_with_force(*start, sensed[3:], sensed[:3], dt, g_n, earth.rate)
+    return NavState(*after, bank.advance(state.x, ends)), sensed, of_force
 
 
 def update(

@@ -8,10 +8,10 @@ compensated sensors (Groves 2013, sec. 14.2, in the frame of `nav_jax.kinematics
 with the rotation vector w of the Earth and the gradient Gamma of gravity, which has the centrifugal part in it. Both
 are zero on a flat Earth that does not turn, of which the next paragraph is.
 
-Over a step of length T, from the mechanised state itself: S_1 = int f_n = v(T) - v(0) - g T, S_2 = int int f_n =
-p(T) - p(0) - v(0) T - g T^2/2, hence int f_n s ds = T S_1 - S_2, and Cm the mean of C. The sums run over every sample
-of the step, so a step of many samples forgets none of them. The compensated error is y = -(E x + noise), integrated
-over the step, where x is the error of the sensor states, and
+Over a step of length T, S_1 = int f_n and S_2 = int int f_n, the integrals of the specific force along n that the
+mechanisation has beside its step, hence int f_n s ds = T S_1 - S_2, and Cm the mean of C. The sums run over every
+sample of the step, so a step of many samples forgets none of them. The compensated error is y = -(E x + noise),
+integrated over the step, where x is the error of the sensor states, and
 
     psi += Cm y_g,   v += -[S_1 x] psi + Cm y_a - [L x] Cm y_g,   p += T v - [S_2 x] psi + T/2 Cm y_a - T/3 [L x] Cm y_g
 
@@ -20,8 +20,7 @@ integral of the sensor errors; E, the integral of a Markov state over the step, 
 
 Where gravity is not the same everywhere, its gradient adds T Gamma p + T^2/2 Gamma v to v and T^2/2 Gamma p to p. Where
 the Earth turns, half of what it does to errors comes before all that and half after: psi is turned by exp(-[w x] T/2)
-and v by exp(-[w x] T), twice. This is second order in T (Strang 1968). In both cases S_1 and S_2 are without the
-gravity and the Coriolis acceleration that were met on the way.
+and v by exp(-[w x] T), twice. This is second order in T (Strang 1968).
 
 Covariance blocks: N (navigation), S (navigation with sensor states), B (sensor states); runs are the last axis.
 """

@@ -90,13 +90,13 @@ def run_estimate(
         if predict:  # the derivative is that of the update: what it has moved is of second order
             residual = whitened(at.whitening, z - aiding.predict(state, reading))
             left = Comparison(residual, residual_covariance(whole, H, variance))
-        pull = timeline.earth.gradient(state.p)
+        pull = timeline.earth.pull(state.p)
         return (state, P, status, noise, one, pull), (judgement, innovation, done.variance, state, memory, left)
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
     # the gradient of gravity is that where a segment begins: on the Earth it changes by 5e-7 of itself with each metre
-    pull = timeline.earth.gradient(inputs.start.p)
+    pull = timeline.earth.pull(inputs.start.p)
     start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one, pull)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
     events = (_events(timeline), inputs.z, inputs.errors.per_segment)
@@ -154,12 +154,12 @@ def reference_gains(
         P = blocks(whole)
         kept = H if constant is None else None
         memory = None if Phi is None else Memory(whole, done.gain, Phi, kept)
-        pull = timeline.earth.gradient(state.p)
+        pull = timeline.earth.pull(state.p)
         return (state, P, one, pull), Gains(done, claim(P, alike, sensed), memory, kept, None)
 
     P = blocks(P_start[:, :, None])
     events = _events(timeline)
-    carry = (start, P, one, timeline.earth.gradient(start.p))
+    carry = (start, P, one, timeline.earth.pull(start.p))
     _, (sd, gains) = time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)
     return gains._replace(sd=(claim(P, alike, _first(timeline)).sd, sd)) if trace else gains
 
@@ -180,16 +180,16 @@ def run_reference(
     constant, moves = aiding.constant(), aiding.uses_body or bank.depends
 
     def step(carry, given):
-        state, status, noise = carry
+        state, status, noise, pull = carry
         kind, imu, own, sd = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
-        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.earth)
+        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.earth, pull)
         kept = None if sd is None else _estimate(state, bank, sd, imu[0, :, None])
-        return (state, status, noise), kept
+        return (state, status, noise, pull), kept
 
     def event(carry, given):
-        state, status, noise = carry
+        state, status, noise, _ = carry
         at, known, z, own = given
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
@@ -198,14 +198,15 @@ def run_reference(
         state = inject(state, c)
         status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
         judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own), sensed)
-        return (state, status, noise), (judgement, innovation, state)
+        return (state, status, noise, timeline.earth.pull(state.p)), (judgement, innovation, state)
 
-    start = (inputs.start, jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32), inputs.errors.begin())
+    good = jnp.zeros(inputs.start.p.shape[1], dtype=jnp.int32)
+    start = (inputs.start, good, inputs.errors.begin(), timeline.earth.pull(inputs.start.p))
     begin, sds = gains.sd if trace and gains.sd is not None else (None, None)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step, sds)
     known = gains._replace(memory=None, sd=None)
     events = (_events(timeline), known, inputs.z, inputs.errors.per_segment)
-    (_, status, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
+    (_, status, _, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
     whole = None if begin is None else _trace(timeline, inputs.start, states, bank, begin, kept, judgement)
     return Outcome(judgement, innovation, gains.update.variance, status, states, whole, gains.memory)
 

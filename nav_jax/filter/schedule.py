@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+_LONGEST = 10.0
+"""s, of a segment of several steps: what is constant in it, as the gradient of gravity, may not get old."""
 _ON_GRID = 1e-6
 """Of a sample: what is nearer to an epoch is at it."""
 
@@ -76,7 +78,7 @@ def make_schedule(epochs: Float[np.ndarray, " E"], events: Float[np.ndarray, " K
     bounds = bounds[bounds <= (cuts[-1] if len(cuts) else 0)]
     at = np.searchsorted(bounds, cuts)
     lengths = np.diff(at, prepend=0)
-    longest = _segment_length(lengths, every)
+    longest = min(_segment_length(lengths, every), max(int(_LONGEST / step) // every, 1) * every)
     # long ways between events are several segments
     ends_at = np.concatenate([_split(int(a - n), int(a), longest) for a, n in zip(at, lengths, strict=True)])
     starts_at = np.concatenate([[0], ends_at[:-1]])

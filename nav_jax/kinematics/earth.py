@@ -15,7 +15,7 @@ turns and curves. One more Earth is one class derived from `AbstractEarth`.
 """
 
 import abc
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ from gmwm_jax._internal.checks import as_float, concrete, positive
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import FloatLike, Scalar, Vector
 from gmwm_jax.units import STANDARD_GRAVITY
+from nav_jax.kinematics.rotation import matvec
 
 
 class AbstractEarth(eqx.Module):
@@ -38,6 +39,9 @@ class AbstractEarth(eqx.Module):
     """Whether the rotation vector is not zero."""
     is_flat: eqx.AbstractClassVar[bool]
     """Whether the height is minus the third component of a position."""
+    is_vast: ClassVar[bool] = False
+    """Whether the gradient of gravity is the same for as far as a vehicle comes in a segment of a run, ten seconds at
+    most: loops then ask for gravity and its gradient once a segment."""
 
     @abc.abstractmethod
     def gravity_n(self, position: Vector) -> Vector:
@@ -111,6 +115,16 @@ class FlatEarth(AbstractEarth):
         return f"FlatEarth(gravity={'traced' if gravity is None else f'{float(gravity):.9g}'})"
 
 
+class Pull(NamedTuple):
+    """Gravity around a position, of R runs."""
+
+    gradient: Float[Array, "3 3 R"]
+    """By the position, component first, in 1/s^2."""
+    extended: Float[Array, "3 R"] | None
+    """What gravity would be where positions are zero if the gradient were the same up to there, m/s^2; None where
+    gravity is asked anew at every step."""
+
+
 class EarthInLoops(eqx.Module):
     """An Earth as loops ask for it: what is constant is computed before them, and what is trivial is None."""
 
@@ -127,14 +141,24 @@ class EarthInLoops(eqx.Module):
         self.rate = earth.rate_n(origin) if earth.is_turning else None
 
     def gravity(
-        self, position: Float[Array, "3 R"], velocity: Float[Array, "3 R"], dt: Float[Array, ""]
+        self, position: Float[Array, "3 R"], velocity: Float[Array, "3 R"], dt: Float[Array, ""], pull: Pull | None
     ) -> Float[Array, "3 #R"]:
-        """In n, in the middle of a step that begins there; of R runs, or one for all of them."""
-        return self.earth.gravity_n(position + dt / 2 * velocity) if self.constant is None else self.constant
+        """In n, in the middle of a step that begins there; of R runs, or one for all of them.
 
-    def gradient(self, position: Float[Array, "3 R"]) -> Float[Array, "3 3 R"] | None:
-        """Derivative of gravity by the position, component first, in 1/s^2; None where gravity is uniform."""
+        The pull is that of a place near by, if it is known.
+        """
+        if self.constant is not None:
+            return self.constant
+        middle = position + dt / 2 * velocity
+        if pull is None or pull.extended is None:
+            return self.earth.gravity_n(middle)
+        return pull.extended + matvec(pull.gradient, middle)
+
+    def pull(self, position: Float[Array, "3 R"]) -> Pull | None:
+        """Gravity around a position; None where it is the same everywhere."""
         if self.constant is not None:
             return None
+        gradient = self.earth.gradient_n(position)
+        extended = self.earth.gravity_n(position) - matvec(gradient, position) if self.earth.is_vast else None
         # computed once: XLA would put it into each of the products that it stands in
-        return jax.lax.optimization_barrier(self.earth.gradient_n(position))
+        return jax.lax.optimization_barrier(Pull(gradient, extended))

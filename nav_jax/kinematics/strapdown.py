@@ -101,12 +101,27 @@ def step(
     -------
     Position, velocity and attitude at the end of the step. The quaternion keeps unit length for ever.
     """
+    return step_with_force(p, v, q, omega, f, dt, g_n, rate_n)[0]
+
+
+def step_with_force(
+    p: Vector,
+    v: Vector,
+    q: Quaternion,
+    omega: Vector,
+    f: Vector,
+    dt: Float[Array, "..."] | float,
+    g_n: Vector,
+    rate_n: Vector | None = None,
+) -> tuple[tuple[Vector, Vector, Quaternion], tuple[Vector, Vector]]:
+    """Advance as `step`; beside it the first and the second integral of the specific force along n, m/s and m."""
     theta = omega * dt
     g_n = g_n.reshape(g_n.shape + (1,) * (v.ndim - g_n.ndim))
     if rate_n is not None:
         q = _turned(q, rate_n, dt)
     c = dcm_from_quat(q)
-    mean, twice = matvec(c, gamma1(theta, f)) + g_n, matvec(c, gamma2(theta, f)) + 0.5 * g_n
+    force, of_force = matvec(c, gamma1(theta, f)), matvec(c, gamma2(theta, f))
+    mean, twice = force + g_n, of_force + 0.5 * g_n
     if rate_n is not None:
         coriolis = cross(rate_n, v)
         mean, twice = mean - 2.0 * coriolis, twice - coriolis
@@ -118,7 +133,7 @@ def step(
         turned = _turned(turned, rate_n, dt)
     # one Newton step towards unit length, which rounding would leave as a random walk
     scale = 1.5 - 0.5 * (turned[0] * turned[0] + dot(turned[1:], turned[1:]))
-    return position, velocity, turned * scale[None]
+    return (position, velocity, turned * scale[None]), (force * dt, of_force * (dt * dt))
 
 
 def rotation_between(

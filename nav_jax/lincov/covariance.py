@@ -77,7 +77,7 @@ def motion_of(experiment: Experiment) -> Motion:
     none = _no_states()
 
     def segment(state, given):
-        pull = timeline.earth.gradient(state.p)
+        pull = timeline.earth.pull(state.p)
 
         def step(state, given):
             kind, imu = given

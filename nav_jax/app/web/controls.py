@@ -5,7 +5,7 @@ What a scenario learns to take is an input as soon as a configuration file has a
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import Any, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 from pydantic import BeforeValidator
 from pydantic.fields import FieldInfo
@@ -27,7 +27,9 @@ class Control(NamedTuple):
     default: str = ""
     """As it stands in the field; empty: what the library has."""
     hint: str = ""
-    """What the library has."""
+    """What the library has, or how it is written."""
+    choices: tuple[str, ...] = ()
+    """All that it may be; empty: any text."""
 
 
 class Choice(NamedTuple):
@@ -47,6 +49,7 @@ _DEFAULTS: Mapping[str, Mapping[str, str]] = {
 }
 """Those of the demonstration: two minutes and more on a lemniscate, and 40 s without GNSS at its end."""
 
+_HINTS = {"origin": '["46.5 deg", "6.6 deg", "500 m"], for wgs84'}
 _LABELS = {"num_runs": "runs", "every": "samples in a covariance step"}
 _OF_THE_SERVER = ("chunk_size", "workers")
 _OF_RUNS = ("num_runs", "seed", "gains")
@@ -124,6 +127,7 @@ def _of(section: type[Section], where: str, left_out: tuple[str, ...]) -> Iterat
         unit = "Hz" if unit == "1/s" else unit
         default = field.get_default(call_default_factory=True)
         default = list(default) if isinstance(default, tuple) else default
-        hint = "" if field.is_required() or default in (None, [], "") else str(default)
+        hint = _HINTS.get(key, "" if field.is_required() or default in (None, [], "") else str(default))
         label = _LABELS.get(key, key.replace("_", " ")) + (f" [{unit}]" if unit else "")
-        yield Control(f"{ROOM}_{where}_{key}", key, label, _DEFAULTS.get(where, {}).get(key, ""), hint)
+        choices = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+        yield Control(f"{ROOM}_{where}_{key}", key, label, _DEFAULTS.get(where, {}).get(key, ""), hint, choices)

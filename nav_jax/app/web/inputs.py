@@ -99,7 +99,12 @@ def make_ui(state: Any, limits: Limits) -> Tag:
 
 
 def _fields(state: Any, of: Iterable[Control]) -> list[Tag]:
-    return [_text(state, c.name, c.label, c.hint) for c in of]
+    return [_choice(state, c) if c.choices else _text(state, c.name, c.label, c.hint) for c in of]
+
+
+def _choice(state: Any, control: Control) -> Tag:
+    choices = {"": control.hint} | {c: c for c in control.choices if c != control.hint}
+    return ui.input_select(control.name, control.label, choices, selected=getattr(state, control.name))
 
 
 def _text(state: Any, name: str, label: str, hint: str) -> Tag:

@@ -67,10 +67,10 @@ def step_of(n):
 def one_sample(imu, start):
     """The state after a sample, and the derivative of its errors with respect to those at the start."""
     dt, ends = jnp.full(1, DT), jnp.ones(1)
-    end = mechanise(start, imu, dt, ends, BANK, EARTH)
+    end = mechanise(start, imu, dt, ends, BANK, EARTH, None)
 
     def after(delta):
-        return difference(mechanise(perturbed(start, delta), imu, dt, ends, BANK, EARTH), end)
+        return difference(mechanise(perturbed(start, delta), imu, dt, ends, BANK, EARTH, None), end)
 
     return end, jax.jacfwd(after)(jnp.zeros(N))
 

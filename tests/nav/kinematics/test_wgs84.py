@@ -63,9 +63,23 @@ def test_normal_gravity():
 def test_the_gradient_is_that_of_schuler():
     """-g/R to the sides and 2 g/R upwards, to the percent by which the ellipsoid is no ball."""
     earth = EarthInLoops(nj.Wgs84([0.81, 0.115, 500.0]))
-    found = np.asarray(earth.gradient(jnp.zeros((3, 1))))[:, :, 0]
+    found = np.asarray(earth.pull(jnp.zeros((3, 1))).gradient)[:, :, 0]
     g, R = 9.807, 6.378e6
     np.testing.assert_allclose(found, np.diag([-g / R, -g / R, 2 * g / R]), rtol=0, atol=0.01 * g / R)
+
+
+def test_gravity_of_a_segment_is_that_of_every_place_in_it():
+    """What is left out is of second order in the way d: 3 g (d/R)^2 upwards, 1.5 g (d/R)^2 along the ground."""
+    earth = nj.Wgs84(ORIGINS["mid"])
+    start = jnp.asarray([[2000.0], [-3000.0], [-1000.0]])
+    pull = EarthInLoops(earth).pull(start)
+    for way in (300.0, 3000.0):
+        for towards in np.eye(3):
+            place = start + way * towards[:, None]
+            found = EarthInLoops(earth).gravity(place, jnp.zeros((3, 1)), jnp.zeros(()), pull)
+            off = float(jnp.linalg.norm(found - earth.gravity_n(place)))
+            order = 9.8 * (way / 6.37e6) ** 2
+            assert 1.4 * order < off < 3.1 * order
 
 
 @pytest.mark.slow
@@ -74,7 +88,7 @@ def test_derivatives_are_finite_everywhere(latitude):
     """At a pole, on the axis above it, and at the origin; they are those of differences."""
     earth = nj.Wgs84([latitude, 0.0, 0.0])
     p = jnp.asarray([[0.0, 3000.0], [0.0, -2000.0], [0.0, -9000.0]])
-    stated = np.asarray(EarthInLoops(earth).gradient(p))
+    stated = np.asarray(EarthInLoops(earth).pull(p).gradient)
     steps = 10.0 * jnp.eye(3)[:, :, None]
     differences = np.stack([np.asarray(earth.gravity_n(p + e) - earth.gravity_n(p - e)) / 20 for e in steps], axis=1)
     assert np.isfinite(stated).all()

@@ -133,8 +133,8 @@ def test_what_a_flat_earth_leaves_out():
     flat, turning = EarthInLoops(nj.FlatEarth()), EarthInLoops(SmallPlanet())
     position = jnp.ones((3, 2))
     assert flat.rate is None
-    assert flat.gradient(position) is None
-    assert flat.gravity(position, position, jnp.ones(())).shape == (3, 1)
+    assert flat.pull(position) is None
+    assert flat.gravity(position, position, jnp.ones(()), None).shape == (3, 1)
     np.testing.assert_array_equal(nj.FlatEarth().rate_n(position), 0.0)
     np.testing.assert_allclose(turning.rate[:, 0], SmallPlanet.rate)
     barometer = nj.Barometer(height=0.5)
@@ -148,7 +148,7 @@ def test_the_gradient_is_the_derivative_of_gravity():
     steps = 1e-3 * np.eye(3)[:, :, None]
     g = SmallPlanet().gravity_n
     expected = np.stack([np.asarray(g(jnp.asarray(p + e)) - g(jnp.asarray(p - e))) / 2e-3 for e in steps], axis=1)
-    np.testing.assert_allclose(EarthInLoops(SmallPlanet()).gradient(jnp.asarray(p)), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(EarthInLoops(SmallPlanet()).pull(jnp.asarray(p)).gradient, expected, rtol=0, atol=1e-9)
 
 
 EARTH, BANK = EarthInLoops(SmallPlanet()), WHITE.bank()
@@ -161,7 +161,7 @@ def stated_and_derived(sample, dt):
     given = ([30.0, -20.0, -15.0], [80.0, -30.0, 10.0], q, [])
     start = NavState(*(jnp.asarray(a)[:, None] for a in given))
     imu, steps, ends = jnp.broadcast_to(sample[:, None], (8, 6, 1)), jnp.full(8, dt), jnp.ones(8)
-    pull = EARTH.gradient(start.p + 4 * dt * start.v)  # half way
+    pull = EARTH.pull(start.p + 4 * dt * start.v)  # half way
     there, along = mechanise_with_motion(start, imu, steps, ends, BANK, EARTH, pull)
     stated = transition(jnp.eye(9)[:, :, None], along, step_noise(alone(BANK), steps, ends))[:, :, 0]
 

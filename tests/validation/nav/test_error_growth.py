@@ -109,7 +109,7 @@ def test_the_error_model_knows_how(oracle):
     noise = step_noise(alone(errors.bank()), jnp.full(1, T), jnp.ones(1))
     zero = jnp.zeros((3, 1))
     f = -earth.gravity_n(zero)
-    motion = Motion(jnp.eye(3)[:, :, None], T * f, T**2 / 2 * f, gradient=looped.gradient(zero), rate=looped.rate)
+    motion = Motion(jnp.eye(3)[:, :, None], T * f, T**2 / 2 * f, gradient=looped.pull(zero).gradient, rate=looped.rate)
     num = 9 + errors.bank().initial.shape[0]
     Phi = np.asarray(transition(jnp.eye(num)[:, :, None], motion, noise))[:, :, 0]
     held = np.ones(num)
@@ -131,7 +131,7 @@ def test_its_periods_are_those_of_schuler_and_foucault(oracle):
     T, zero = 6.0, jnp.zeros((3, 1))
     looped = EarthInLoops(earth)
     f = -earth.gravity_n(zero)
-    motion = Motion(jnp.eye(3)[:, :, None], T * f, T**2 / 2 * f, gradient=looped.gradient(zero), rate=looped.rate)
+    motion = Motion(jnp.eye(3)[:, :, None], T * f, T**2 / 2 * f, gradient=looped.pull(zero).gradient, rate=looped.rate)
     noise = step_noise(alone(nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), 1 / T).bank()), jnp.full(1, T), jnp.ones(1))
     Phi = np.asarray(transition(jnp.eye(9)[:, :, None], motion, noise))[:, :, 0]
     kept = [0, 1, 3, 4, 6, 7, 8]

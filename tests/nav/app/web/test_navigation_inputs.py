@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
+from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.rooms.joined import joined
 from nav_jax.app.sections import AIDING, MOTIONS
 from nav_jax.app.web import controls, study
+from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
 from nav_jax.app.web.room import ROOM
 from nav_jax.app.web.state import NavigationState
@@ -60,6 +62,22 @@ def test_the_defaults_are_the_demonstration():
     assert found.scenario.every == 10
     assert list(found.filters) == [RIGHT]
     assert repr(found.truth) == repr(sensor_errors("mti-g"))
+
+
+def test_what_is_one_of_a_few_is_chosen():
+    choices = {c.key: c.choices for c in (*controls.computed(), *controls.runs()) if c.choices}
+    assert choices == {"earth": ("flat", "wgs84"), "gains": ("estimate", "reference")}
+    shown = str(make_ui(NavigationState(nav_run_earth="wgs84"), Limits()))
+    assert '<option value="wgs84" selected="">wgs84</option>' in shown
+    assert '<option value="" selected="">estimate</option>' in shown
+
+
+def test_the_earth_is_chosen():
+    origin = '["46 deg", "6 deg", 500]'
+    found = config(NavigationState.from_query(dict(TEXT, nav_run_earth="wgs84", nav_run_origin=origin)))
+    np.testing.assert_allclose(found.scenario.earth.origin, [*np.deg2rad([46.0, 6.0]), 500.0])
+    with pytest.raises(ValueError, match="where positions are zero"):
+        config(NavigationState.from_query(dict(TEXT, nav_run_earth="wgs84")))
 
 
 def test_what_is_typed_is_what_is_computed():
