@@ -21,7 +21,6 @@ they would move with it. All intervals end at the bounds. `gmwm_jax.fitting.boun
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -32,6 +31,7 @@ import optimistix as optx
 from jax import Array
 from jaxtyping import Bool, Float
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.checks import confidence, integer, positive, require_x64, typed_key
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values

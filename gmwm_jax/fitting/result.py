@@ -4,7 +4,6 @@ import enum
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.checks import agreed_rate, sampling_rate
 from gmwm_jax._internal.chi_square import ChiSquare, chi_square, misses
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes

@@ -9,7 +9,6 @@ under the superset forgives: it is tested with its own. The simplest that passes
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, overload
 
 import equinox as eqx
@@ -19,6 +18,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import confidence, integer, typed_key
 from gmwm_jax._internal.chi_square import chi_square

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from jaxtyping import Float
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, typed_key
 from gmwm_jax._internal.drawing import Drawable

@@ -13,7 +13,6 @@ as R's mgmwm; with few records they are too narrow, and how much is said.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import combinations_with_replacement
 
 import jax
@@ -23,6 +22,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 from scipy.special import stdtr, stdtrit
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.checks import confidence, integer, require_x64, typed_key
 from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.progress import Progress, progress_bar

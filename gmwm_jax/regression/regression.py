@@ -22,13 +22,13 @@ Missing samples: skipped in the whitening, and a wavelet variance by pairs of sa
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.checks import agreed_rate, confidence, require_x64, sampling_rate
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.quantiles import normal_quantile

@@ -120,16 +120,18 @@ def named_files(path: Path) -> tuple[list[Path], dict[str, str]]:
     except (OSError, ValueError, RecursionError):
         return [], {}  # said when it is read
 
-    def files(value: Any) -> Iterator[Path]:
-        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            if isinstance(item, dict | list):
-                yield from files(item)
-            elif key in _FILES and isinstance(item, str):
-                yield path.parent / item
-
     output = tables.get("output", {})
     texts = {k: v for k, v in output.items() if isinstance(v, str)} if isinstance(output, dict) else {}
-    return list(files(tables)), texts
+    return [path.parent / name for name in names_of_files(tables)], texts
+
+
+def names_of_files(tables: Mapping[str, Any] | list[Any]) -> Iterator[str]:
+    """Run over what the keys say that name a file to be read."""
+    for key, item in tables.items() if isinstance(tables, Mapping) else enumerate(tables):
+        if isinstance(item, Mapping | list):
+            yield from names_of_files(item)
+        elif key in _FILES and isinstance(item, str):
+            yield item
 
 
 def config_of(tables: Mapping[str, Any], folder: Path) -> Config:

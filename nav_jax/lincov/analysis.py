@@ -3,12 +3,12 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import jax
 import numpy as np
 from jaxtyping import Float64
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.memory import FLOAT, require_memory

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.saved import AsDataset
 from gmwm_jax._internal.states import saved

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float64, Integer
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.saved import AsDataset
 from gmwm_jax._internal.states import saved

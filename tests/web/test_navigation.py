@@ -6,6 +6,7 @@ import zipfile
 from urllib.parse import urlencode
 
 import jax
+import numpy as np
 from nav.small_drive import write_drive
 from web.pages import curves, drawn, enter
 
@@ -101,6 +102,25 @@ def test_the_last_steps_of_the_tutorial(open_page):
     links = page.get_by_role("link", name="Do this step")
     assert links.count() == 12
     assert "room=nav" in links.nth(10).get_attribute("href")
+
+
+def test_a_trajectory_that_is_sent(open_page, tmp_path):
+    page = open_page(f"?{urlencode(INPUTS | {'nav_motion': 'file'})}")
+    page.locator("#nav_status .gmwm-error", has_text="send its file").wait_for()
+    circle = nj.motions.circle(duration=60.0, rate=20.0)
+    page.locator("#nav_sent").set_input_files(nj.trajectory.save_trajectory(circle, tmp_path / "mine.csv"))
+    table = page.locator("#nav_analysed table")
+    table.wait_for()
+    archive = files_of(page, "nav_archive")
+    text = archive.read("comparison.toml").decode()
+    (name,) = (n for n in archive.namelist() if n.startswith("trajectory-"))
+    archive.extract(name, tmp_path)
+    config = config_of_text(text, tmp_path)
+    np.testing.assert_allclose(config.scenario.reference.position, circle.position, atol=1e-12)
+    own = nj.analyse(config.scenario, config.truth, config.filters)["own"]
+    assert f"{own.rms('position')[own.epoch()]:.5g}" in table.inner_text()
+    page.locator("#nav_sent").set_input_files({"name": "no.csv", "mimeType": "text/csv", "buffer": b"1,2\n"})
+    page.locator("#nav_status .gmwm-error", has_text="no.csv").wait_for()
 
 
 def test_a_recorded_drive(open_page, tmp_path):

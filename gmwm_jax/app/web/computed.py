@@ -45,6 +45,10 @@ class Computed(Generic[K, T]):
         What is shown while it computes.
     words
         Python in a message -> the same as the page has it.
+    later
+        Nobody waits for it, see `PageTurns.run`.
+    looked_at
+        Is its place on the page seen? Nothing is computed before.
     """
 
     def __init__(
@@ -55,8 +59,12 @@ class Computed(Generic[K, T]):
         work: Callable[[K], T],
         busy: str,
         words: Callable[[str], str] = str,
+        *,
+        later: bool = False,
+        looked_at: Callable[[], bool] = lambda: True,
     ):
         self._key, self._work, self._busy, self._words, self._turns = key, work, busy, words, turns
+        self._is_later, self._looked_at = later, looked_at
         self._done: reactive.Value[tuple[K, Outcome[T]] | None] = reactive.Value(None)
         self._asked: K | None = None
         self._ended = False
@@ -83,6 +91,8 @@ class Computed(Generic[K, T]):
         return done[1] if done is not None and done[0] == key else Outcome(busy=self._busy)
 
     def _start(self) -> None:
+        if not self._looked_at():
+            return
         try:
             key = self._key()
         except ValueError:
@@ -101,7 +111,8 @@ class Computed(Generic[K, T]):
             return key == self._asked and not self._ended
 
         try:
-            found: Outcome[T] = Outcome(value=await self._turns.run(lambda: self._work(key), wanted))
+            value = await self._turns.run(lambda: self._work(key), wanted, later=self._is_later)
+            found: Outcome[T] = Outcome(value=value)
         except SupersededError:
             return
         except (ValueError, OSError, ImportError, RuntimeError) as error:

@@ -6,6 +6,7 @@ import multiprocessing.util
 import os
 import shutil
 import socket
+import sys
 import tempfile
 import threading
 import webbrowser
@@ -28,6 +29,8 @@ PREFIX = "gmwm-jax-app-"
 """Of the folder of a server's temporary files, followed by its process."""
 LOCAL = ("127.0.0.1", "localhost", "[::1]")
 _TRIES = 20
+_SWITCH = 5e-4
+"""Seconds; a tenth of what Python has."""
 _QUIET = 3.0
 """Seconds until the usual models are compiled: the first page comes first."""
 
@@ -161,6 +164,8 @@ def serve(
     OSError
         No port is free, or the host is none of this machine.
     """
+    # a thread that makes many short calls of JAX waits so long after each for one that computes in Python
+    sys.setswitchinterval(_SWITCH)
     if cache:
         keep_compiled()
     server = Running(host, port, prewarm=True, **options)

@@ -152,11 +152,15 @@ class Store:
             raise ValueError("There is nothing to take: paste a column of numbers, or several with commas.")
         if len(text) > self.limits.pasted:
             raise ValueError(f"Pasted values have at most {self.limits.pasted} characters: send more as a file.")
-        folder = tempfile.mkdtemp(prefix="pasted-")
-        self._session.on_ended(lambda: shutil.rmtree(folder, ignore_errors=True))
-        path = Path(folder) / PASTED
+        path = self.new_folder("pasted-") / PASTED
         path.write_text(text)
         self.file.set(File(str(path), PASTED))
+
+    def new_folder(self, prefix: str) -> Path:
+        """Make a folder that ends with the page."""
+        folder = tempfile.mkdtemp(prefix=prefix)
+        self._session.on_ended(lambda: shutil.rmtree(folder, ignore_errors=True))
+        return Path(folder)
 
     def restore(self, page: Page) -> None:
         """Set all inputs as a saved page has them; the room stays, from which on one looks around."""
@@ -180,9 +184,26 @@ class Store:
         """Compute something once, when it is the turn of this page."""
         return await self._turns.run(work)
 
-    def computed(self, key: Callable[[], Any], work: Callable[[Any], Any], busy: str) -> Computed[Any, Any]:
-        """Make a value that threads compute for this page."""
-        return Computed(self._session, self._turns, key, work, busy, in_words_of_the_page)
+    def computed(
+        self, key: Callable[[], Any], work: Callable[[Any], Any], busy: str, *, later: bool = False, room: str = ""
+    ) -> Computed[Any, Any]:
+        """Make a value that threads compute for this page.
+
+        Parameters
+        ----------
+        key, work, busy
+            See `Computed`.
+        later
+            Nobody waits for it.
+        room
+            Where alone it is shown: nothing is computed while somebody looks at another one.
+        """
+
+        def looked_at() -> bool:
+            return not room or self._input.room() == room
+
+        words, options = in_words_of_the_page, {"later": later, "looked_at": looked_at}
+        return Computed(self._session, self._turns, key, work, busy, words, **options)
 
     def themed(self, figure: go.Figure) -> go.Figure:
         """Draw a figure for the page as it is, light or dark; reactive."""

@@ -1,10 +1,13 @@
 """Who computes when: one computation of a page at a time, a few in all, and none for longer than the limit.
 
-So a page that asks for much waits for itself, and not the others for it. Nothing ends a thread: a computation that
-takes too long is left behind, and the next one of its page begins when it has come to its end.
+What stands below the figure that somebody waits for, as the intervals of a fit, is computed later: for one page less at
+a time than there are threads, so that it never keeps anybody's click waiting. So a page that asks for much waits for
+itself, and not the others for it. Nothing ends a thread: a computation that takes too long is left behind, and the next
+one of its page begins when it has come to its end.
 """
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -25,7 +28,7 @@ class Turns:
     num_threads
         That compute at a time.
     pages
-        The most that are open; each may leave one computation behind.
+        The most that are open; each may leave two computations behind.
     seconds
         That a computation may take.
 
@@ -40,8 +43,9 @@ class Turns:
     """
 
     def __init__(self, num_threads: int, *, pages: int, seconds: float):
-        self.executor = AbandonableExecutor(num_threads + pages)
+        self.executor = AbandonableExecutor(num_threads + 2 * pages)
         self.free, self.seconds = asyncio.Semaphore(num_threads), seconds
+        self.later = asyncio.Semaphore(max(num_threads - 1, 1))
         self.running = 0
         """How many compute for pages: long work waits a little for them."""
 
@@ -58,10 +62,9 @@ class PageTurns:
     """The computations of one page: `Turns.of_page` makes it."""
 
     def __init__(self, turns: Turns):
-        self._turns, self._one = turns, asyncio.Lock()
-        self._left: asyncio.Future[Any] | None = None
+        self._turns, self._now, self._later = turns, _Lane(), _Lane()
 
-    async def run(self, work: Callable[[], T], wanted: Callable[[], bool] = lambda: True) -> T:
+    async def run(self, work: Callable[[], T], wanted: Callable[[], bool] = lambda: True, *, later: bool = False) -> T:
         """Compute something in a thread when it is this page's turn.
 
         Parameters
@@ -70,6 +73,8 @@ class PageTurns:
             Computes it.
         wanted
             Asked when the turn has come: is the value still of use?
+        later
+            Nobody waits for it: it does not keep other computations of the page waiting either.
 
         Raises
         ------
@@ -78,25 +83,36 @@ class PageTurns:
         ValueError
             It took too long.
         """
-        turns = self._turns
-        async with self._one:
-            if self._left is not None:
-                await asyncio.wait({self._left})
-                self._left = None
-            async with turns.free:
-                if not wanted():
-                    raise SupersededError
-                turns.running += 1
-                try:
-                    found = asyncio.get_running_loop().run_in_executor(turns.executor, work)
-                    done, _ = await asyncio.wait({found}, timeout=turns.seconds)
-                finally:
-                    turns.running -= 1
-                if done:
-                    return found.result()
-                found.add_done_callback(lambda late: late.cancelled() or late.exception())  # nobody waits for it
-                self._left = found
-                raise ValueError(
-                    f"This took more than {turns.seconds:g} s, the most that this server gives to a computation. It "
-                    "comes to its end unseen, and this page computes again then: take less data or a smaller model."
-                )
+        turns, lane = self._turns, self._later if later else self._now
+        async with contextlib.AsyncExitStack() as held:
+            await held.enter_async_context(lane.lock)
+            if lane.left is not None:
+                await asyncio.wait({lane.left})
+                lane.left = None
+            if later:
+                await held.enter_async_context(turns.later)
+            await held.enter_async_context(turns.free)
+            if not wanted():
+                raise SupersededError
+            turns.running += 1
+            try:
+                found = asyncio.get_running_loop().run_in_executor(turns.executor, work)
+                done, _ = await asyncio.wait({found}, timeout=turns.seconds)
+            finally:
+                turns.running -= 1
+            if done:
+                return found.result()
+            found.add_done_callback(lambda late: late.cancelled() or late.exception())  # nobody waits for it
+            lane.left = found
+            raise ValueError(
+                f"This took more than {turns.seconds:g} s, the most that this server gives to a computation. It "
+                "comes to its end unseen, and this page computes again then: take less data or a smaller model."
+            )
+
+
+class _Lane:
+    """Computations of a page of which one runs at a time."""
+
+    def __init__(self) -> None:
+        self.lock = asyncio.Lock()
+        self.left: asyncio.Future[Any] | None = None

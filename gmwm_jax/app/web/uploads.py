@@ -2,6 +2,7 @@
 
 import contextlib
 import multiprocessing
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -31,9 +32,33 @@ def read_upload(path: Path, name: str, options: dict[str, Any], limits: Limits) 
     ValueError
         What `gmwm_jax.read_recording` says of the file, by its own name; a limit.
     """
+    found = read_apart(read_recording, path, name, options, limits)
+    if found.num_channels > limits.channels:
+        raise ValueError(
+            f"{name} has {found.num_channels} channels, and this server takes {limits.channels}: name the columns."
+        )
+    found.data.flags.writeable = False
+    return found
+
+
+def read_apart(read: Callable[..., Any], path: Path, name: str, options: dict[str, Any], limits: Limits) -> Any:
+    """Read a file that somebody sent in a process of its own.
+
+    Parameters
+    ----------
+    read
+        Function of a module, of the path, and of ``name``, ``max_bytes`` and the options by name.
+    path, name, options, limits
+        As of `read_upload`.
+
+    Raises
+    ------
+    ValueError
+        What the function says of the file, by its own name; a limit.
+    """
     context: Any = multiprocessing.get_context(_START)
     receiving, sending = context.Pipe(duplex=False)
-    process = context.Process(target=_read, args=(sending, path, name, options, limits), daemon=True)
+    process = context.Process(target=_read, args=(sending, read, path, name, options, limits), daemon=True)
     process.start()
     sending.close()
     try:
@@ -49,11 +74,6 @@ def read_upload(path: Path, name: str, options: dict[str, Any], limits: Limits) 
         process.join()
     if isinstance(found, str):
         raise ValueError(found.replace(str(path), name))
-    if found.num_channels > limits.channels:
-        raise ValueError(
-            f"{name} has {found.num_channels} channels, and this server takes {limits.channels}: name the columns."
-        )
-    found.data.flags.writeable = False
     return found
 
 
@@ -70,8 +90,10 @@ def start_reader() -> None:
         forkserver.ensure_running()
 
 
-def _read(sending: Connection, path: Path, name: str, options: dict[str, Any], limits: Limits) -> None:
-    """Send the recording, or what is wrong as text."""
+def _read(
+    sending: Connection, read: Callable[..., Any], path: Path, name: str, options: dict[str, Any], limits: Limits
+) -> None:
+    """Send what is read, or what is wrong as text."""
     with contextlib.suppress(ImportError):  # there is none on Windows
         import resource
 
@@ -79,7 +101,7 @@ def _read(sending: Connection, path: Path, name: str, options: dict[str, Any], l
         seconds = int(limits.read_seconds) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     try:
-        sending.send(read_recording(path, name=name, max_bytes=limits.read_memory, **options))
+        sending.send(read(path, name=name, max_bytes=limits.read_memory, **options))
     except (ValueError, OSError, ImportError) as error:
         sending.send(str(error))
     except MemoryError:

@@ -10,10 +10,15 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 from pydantic import BeforeValidator
 from pydantic.fields import FieldInfo
 
-from nav_jax.app.sections import AIDING, MOTIONS, InitialSection, RunSection, Section
+from nav_jax.app.sections import AIDING, MOTIONS, InitialSection, RunSection, Section, TrajectoryFile
 
 ROOM = "nav"
 """With what the names of all inputs of the room begin."""
+
+
+FILE = "file"
+"""The trajectory that is sent."""
+_SMOOTHING = ("smooth", "smooth_attitude")
 
 
 class Control(NamedTuple):
@@ -49,14 +54,14 @@ _DEFAULTS: Mapping[str, Mapping[str, str]] = {
 }
 """Those of the demonstration: two minutes and more on a lemniscate, and 40 s without GNSS at its end."""
 
-_HINTS = {"origin": '["46.5 deg", "6.6 deg", "500 m"], for wgs84'}
+_HINTS = {"origin": '["46.5 deg", "6.6 deg", "500 m"]'}
 _LABELS = {"num_runs": "runs", "every": "samples in a covariance step"}
 _OF_THE_SERVER = ("chunk_size", "workers")
 _OF_RUNS = ("num_runs", "seed", "gains")
 
 
 def motions() -> tuple[Choice, ...]:
-    """List the trajectories that are made here, with their parameters.
+    """List the trajectories that are made here, with their parameters, and the one that is sent.
 
     Examples
     --------
@@ -64,7 +69,13 @@ def motions() -> tuple[Choice, ...]:
     >>> [c.label for c in controls.motions()[0].controls]
     ['duration [s]', 'euler [rad]', 'position [m]']
     """
-    return tuple(Choice(n, n, tuple(_of(section, n, ("motion", "name")))) for n, section in MOTIONS.items())
+    made = tuple(Choice(n, n, tuple(_of(section, n, ("motion", "name")))) for n, section in MOTIONS.items())
+    return (*made, Choice(FILE, "a file", tuple(_of(TrajectoryFile, FILE, ("file", "max_bytes")))))
+
+
+def of_reading() -> tuple[Control, ...]:
+    """List how the file of a trajectory is read; the others say what is done with it then."""
+    return tuple(c for c in motions()[-1].controls if c.key not in _SMOOTHING)
 
 
 def aiding() -> tuple[Choice, ...]:
@@ -129,5 +140,6 @@ def _of(section: type[Section], where: str, left_out: tuple[str, ...]) -> Iterat
         default = list(default) if isinstance(default, tuple) else default
         hint = _HINTS.get(key, "" if field.is_required() or default in (None, [], "") else str(default))
         label = _LABELS.get(key, key.replace("_", " ")) + (f" [{unit}]" if unit else "")
-        choices = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+        kinds = (field.annotation, *get_args(field.annotation))  # itself, or where it may be left out
+        choices = next((get_args(kind) for kind in kinds if get_origin(kind) is Literal), ())
         yield Control(f"{ROOM}_{where}_{key}", key, label, _DEFAULTS.get(where, {}).get(key, ""), hint, choices)

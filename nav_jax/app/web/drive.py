@@ -7,12 +7,13 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gmwm_jax._internal.saved import load
 from gmwm_jax.app.web.limits import Limits
+from nav_jax.app.comparison_file import names_of_files
 from nav_jax.recorded.navigation import Navigation
 
 _BETWEEN = 0.2
@@ -89,7 +90,7 @@ def check(text: str, names: Iterable[str]) -> None:
     if "output" in tables:
         raise ValueError("The section [output] is not for the page, which gives all results: leave it out.")
     known = set(names)
-    for named in _named(tables):
+    for named in names_of_files(tables):
         if named not in known:
             raise ValueError(f"The configuration names the file {named!r:.80}, which was not sent: send both together.")
 
@@ -154,12 +155,3 @@ def _followed(process: subprocess.Popen[str], tell: Callable[[int, int | None], 
             return process.communicate(timeout=_BETWEEN)
         except subprocess.TimeoutExpired:
             continue
-
-
-def _named(tables: Mapping[str, Any] | list[Any]) -> Iterator[str]:
-    """Values of the keys that name a file to be read."""
-    for key, item in tables.items() if isinstance(tables, Mapping) else enumerate(tables):
-        if isinstance(item, Mapping | list):
-            yield from _named(item)
-        elif key in ("file", "fit", "recording", "imu") and isinstance(item, str):
-            yield item

@@ -1,6 +1,7 @@
 """What is taken away of the room: the configuration, a Python file, and results as tables, JSON and figures."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
@@ -28,6 +29,8 @@ class Parts(NamedTuple):
     budget: tuple[str, Budget, Sensitivities] | None = None
     """Of one filter, with its name."""
     design: Design | None = None
+    trajectory: Path | None = None
+    """The file of the trajectory, if it was sent."""
 
 
 def python(text: str, *, runs: bool) -> str:
@@ -99,6 +102,8 @@ def downloads(parts: Parts) -> dict[str, bytes]:
         "analysis.csv": to_csv(tables.analysis(parts.analysis)).encode(),
         **_figures({"analysis": parts.analysis.plot}),
     }
+    if parts.trajectory is not None:
+        made[parts.trajectory.name] = parts.trajectory.read_bytes()
     if parts.runs is not None:
         made |= _of_report(comparison_report(parts.runs), {})
         if parts.runs.num_common >= 2:

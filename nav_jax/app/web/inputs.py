@@ -10,7 +10,7 @@ from gmwm_jax import datasets
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import output_figure
 from nav_jax.app.web import controls
-from nav_jax.app.web.controls import Control
+from nav_jax.app.web.controls import Choice, Control
 
 _TRUTHS = {"sensor": "a known sensor", "fit": "the fit of the room Model & fit", "text": "the models written here"}
 _MODEL = "WN(sigma2=1e-6) + GM(beta=0.01, variance=1e-8)"
@@ -40,7 +40,8 @@ def make_ui(state: Any, limits: Limits) -> Tag:
         ),
         ui.h2("Trajectory"),
         ui.navset_pill(
-            *(ui.nav_panel(m.title, _grid(_fields(state, m.controls)), value=m.name) for m in controls.motions()),
+            *(ui.nav_panel(m.title, *_file(m), _grid(_fields(state, m.controls)), value=m.name)
+              for m in controls.motions()),
             id="nav_motion",
             selected=state.nav_motion,
         ),
@@ -96,6 +97,11 @@ def make_ui(state: Any, limits: Limits) -> Tag:
         ui.h2("Take away"),
         ui.output_ui("nav_takeaway"),
     )  # fmt: skip
+
+
+def _file(motion: Choice) -> list[Tag]:
+    """The field of the file, of the trajectory that is sent."""
+    return [ui.input_file("nav_sent", "File of a trajectory")] if motion.name == controls.FILE else []
 
 
 def _fields(state: Any, of: Iterable[Control]) -> list[Tag]:

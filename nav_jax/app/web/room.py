@@ -2,6 +2,8 @@
 
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import plotly.graph_objects as go
@@ -19,11 +21,12 @@ from gmwm_jax.app.web.store import Part, Same, Store
 from nav_jax.app.comparison_file import Config
 from nav_jax.app.web import controls, figures, files, tables
 from nav_jax.app.web.drive import Drive, Sent, navigate
+from nav_jax.app.web.followed import follow
 from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
 from nav_jax.app.web.state import NavigationState
 from nav_jax.app.web.steps import STEPS
-from nav_jax.app.web.study import PAGE, config_of_text, tables_of, toml_of, without_runs
+from nav_jax.app.web.study import PAGE, Followed, config_of_text, tables_of, toml_of, without_runs
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.lincov.analysis import Analysis, analyse
 from nav_jax.lincov.budget import Budget, error_budget
@@ -88,12 +91,30 @@ def _server(input: Inputs, store: Store) -> None:
             remarks += found.remarks
         return _Models(errors, tuple(dict.fromkeys(remarks)))
 
-    models = store.computed(models_key, fit_models, "fitting all channels ..")
+    models = store.computed(models_key, fit_models, "fitting all channels ..", room=controls.ROOM)
+    kept = store.new_folder("trajectories-")
+
+    def followed_key() -> Any:
+        state: Any = store.state()
+        sent = _sent(input.nav_sent())
+        if state.nav_motion != controls.FILE or not sent or not visited():
+            return None
+        return sent[0], tuple((c.key, getattr(state, c.name)) for c in controls.of_reading())
+
+    def read(key: Any) -> Followed:
+        file, options = key
+        return follow(Path(file.path), file.name, dict(options), store.limits, kept)
+
+    followed = store.computed(followed_key, read, "reading the trajectory ..")
 
     def compared() -> dict[str, Any] | None:
         """All that is compared, as sections; reactive."""
-        found = models().value
-        return None if found is None else tables_of(store.state(), found.errors)
+        found, state, trajectory = models().value, store.state(), followed()
+        if found is None or trajectory.busy:
+            return None
+        if trajectory.error:
+            raise ValueError(trajectory.error)
+        return tables_of(state, found.errors, followed=trajectory.value)
 
     def configuration() -> str | None:
         sections = compared()
@@ -104,11 +125,10 @@ def _server(input: Inputs, store: Store) -> None:
         return None if sections is None else toml_of(without_runs(sections))
 
     def compute(written: str) -> _Analysed:
-        return _said(lambda: _analysed(written))
+        return _said(lambda: _analysed(written, kept))
 
-    analysed = store.computed(
-        analysis_key, compute, "computing covariances .. (filters of a new structure are compiled once, some seconds)"
-    )
+    sentence = "computing covariances .. (filters of a new structure are compiled once, some seconds)"
+    analysed = store.computed(analysis_key, compute, sentence, room=controls.ROOM)
 
     def present() -> _Analysed | None:
         return analysed().value
@@ -151,7 +171,7 @@ def _server(input: Inputs, store: Store) -> None:
     @reactive.effect
     @reactive.event(input.nav_run)
     def _run() -> None:
-        begin("nav_runs", configuration, _runs)
+        begin("nav_runs", configuration, partial(_runs, folder=kept))
 
     @reactive.effect
     @reactive.event(input.nav_budget)
@@ -188,8 +208,8 @@ def _server(input: Inputs, store: Store) -> None:
 
     @render.ui
     def nav_status() -> Tag | None:
-        for outcome in (store.of_recording(), models()):
-            if outcome.value is None and present() is None:
+        for outcome in (store.of_recording(), models(), followed()):
+            if (outcome.error or outcome.busy) and present() is None:
                 return status(outcome)
         return status(analysed())
 
@@ -283,7 +303,7 @@ def _server(input: Inputs, store: Store) -> None:
         return store.themed(figures.sensor_states(of, columns=columns()))
 
     def drive_key() -> tuple[Sent, ...]:
-        return tuple(Sent(file["name"], file["datapath"]) for file in input.nav_drive() or ())
+        return _sent(input.nav_drive())
 
     @reactive.effect
     @reactive.event(input.nav_navigate)
@@ -317,7 +337,9 @@ def _server(input: Inputs, store: Store) -> None:
         found, written = present(), configuration() if present() is not None else None
         if found is None or written is None:
             return None
-        return files.Parts(written, found.analysis, runs().value, budgeted().value, designed().value)
+        made = files.Parts(written, found.analysis, runs().value, budgeted().value, designed().value)
+        trajectory = followed().value
+        return made if trajectory is None else made._replace(trajectory=trajectory.folder / trajectory.name)
 
     def part() -> Part | None:
         found = parts()
@@ -343,14 +365,19 @@ def _server(input: Inputs, store: Store) -> None:
         yield await store.in_thread(lambda: archive(files.downloads(found)))
 
 
-def _analysed(text: str) -> _Analysed:
-    config = config_of_text(text)
+def _sent(files: Any) -> tuple[Sent, ...]:
+    """What a field of files has, as the framework says it."""
+    return tuple(Sent(file["name"], file["datapath"]) for file in files or ())
+
+
+def _analysed(text: str, folder: Path) -> _Analysed:
+    config = config_of_text(text, folder)
     assert isinstance(config.truth, ImuErrors)  # a recording is no choice of the room
     return _Analysed(config, config.truth, analyse(config.scenario, config.truth, config.filters))
 
 
-def _runs(_: _Analysed, text: str, tell: Tell) -> Comparison:
-    config = config_of_text(text)
+def _runs(_: _Analysed, text: str, tell: Tell, *, folder: Path) -> Comparison:
+    config = config_of_text(text, folder)
     run = config.run.model_copy(update={"chunk_size": _AT_ONCE, "workers": 1})  # the other core is for clicks
     return replace(config, run=run).compare(progress=tell)
 

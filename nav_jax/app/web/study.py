@@ -18,6 +18,17 @@ RIGHT, OWN, PAGE = "right", "own", "fitted"
 """Names of filters: what believes the truth, the text of one's own, and the model of the page."""
 
 
+class Followed(NamedTuple):
+    """A trajectory that was sent, as a table that is read without options."""
+
+    folder: Path
+    name: str
+    """Of the file there, which another trajectory has another of."""
+    duration: float
+    origin: tuple[float, float, float] | None
+    """Latitude, longitude (rad), height (m), if positions are about one."""
+
+
 class Caps(NamedTuple):
     """The most that this server computes."""
 
@@ -45,7 +56,9 @@ def value_of(text: str) -> Any:
     return found if isinstance(found, bool | int | float | str | list) else text.strip()
 
 
-def tables_of(state: Any, models: Mapping[str, ImuErrors], caps: Caps | None = None) -> dict[str, Any]:
+def tables_of(
+    state: Any, models: Mapping[str, ImuErrors], caps: Caps | None = None, followed: Followed | None = None
+) -> dict[str, Any]:
     """Write the sections of a comparison.
 
     Parameters
@@ -56,11 +69,13 @@ def tables_of(state: Any, models: Mapping[str, ImuErrors], caps: Caps | None = N
         Name -> what is fitted on the page; `PAGE` is its model.
     caps
         Of the server.
+    followed
+        The trajectory that was sent, if one is to be followed.
 
     Raises
     ------
     ValueError
-        A choice that there is not, no filter, or more than the server computes.
+        A choice that there is not, no filter, no file of a trajectory, or more than the server computes.
 
     Examples
     --------
@@ -73,14 +88,16 @@ def tables_of(state: Any, models: Mapping[str, ImuErrors], caps: Caps | None = N
     motion = _chosen(controls.motions(), state.nav_motion, "Trajectory")
     sensors = [_chosen(controls.aiding(), name, "Aiding") for name in state.nav_aiding.split(",") if name]
     tables = {
-        "trajectory": {"motion": motion.name, **_given(state, motion.controls)},
+        "trajectory": _trajectory(state, motion, followed),
         "truth": _truth(state, models) | _biases(state),
         "filters": _filters(state, models, caps),
         "aiding": [{"type": s.name, **_given(state, s.controls)} for s in sensors],
         "initial": _given(state, controls.start()),
         "run": _given(state, (*controls.computed(), *controls.runs())),
     }
-    _require(tables, caps)
+    if motion.name == controls.FILE and followed is not None and tables["run"].get("earth") == "wgs84":
+        tables["run"] = ({} if followed.origin is None else {"origin": list(followed.origin)}) | tables["run"]
+    _require(tables, caps, followed)
     return {name: table for name, table in tables.items() if table}
 
 
@@ -102,15 +119,15 @@ def without_runs(tables: Mapping[str, Any]) -> dict[str, Any]:
     return {**tables, "run": {k: v for k, v in tables.get("run", {}).items() if k not in own}}
 
 
-def config_of_text(text: str) -> Config:
-    """Read such a text; it names no file.
+def config_of_text(text: str, folder: Path | None = None) -> Config:
+    """Read such a text; the file of a trajectory lies in the folder, and it names no other.
 
     Raises
     ------
     ValueError
         A value that is wrong, by its section and key.
     """
-    return config_of(tomllib.loads(text), Path())
+    return config_of(tomllib.loads(text), folder or Path())
 
 
 def _chosen(known: Iterable[Choice], name: str, what: str) -> Choice:
@@ -123,6 +140,15 @@ def _chosen(known: Iterable[Choice], name: str, what: str) -> Choice:
 def _given(state: Any, of: Iterable[Control]) -> dict[str, Any]:
     texts = {c.key: getattr(state, c.name).strip() for c in of}
     return {key: value_of(text) for key, text in texts.items() if text}
+
+
+def _trajectory(state: Any, motion: Choice, followed: Followed | None) -> dict[str, Any]:
+    if motion.name != controls.FILE:
+        return {"motion": motion.name, **_given(state, motion.controls)}
+    if followed is None:
+        raise ValueError("Trajectory: send its file.")
+    read = {c.name for c in controls.of_reading()}
+    return {"file": followed.name, **_given(state, (c for c in motion.controls if c.name not in read))}
 
 
 def _truth(state: Any, models: Mapping[str, ImuErrors]) -> dict[str, Any]:
@@ -175,8 +201,9 @@ def _rate(state: Any, models: Mapping[str, ImuErrors]) -> float | None:
     return None if all(m.rate == rate for m in models.values()) else rate
 
 
-def _require(tables: Mapping[str, Any], caps: Caps) -> None:
-    duration = quantity(tables["trajectory"].get("duration", 300.0), "s")
+def _require(tables: Mapping[str, Any], caps: Caps, followed: Followed | None) -> None:
+    is_file = followed is not None and controls.FILE in tables["trajectory"]
+    duration = followed.duration if is_file else quantity(tables["trajectory"].get("duration", 300.0), "s")
     rate = quantity(tables["truth"]["rate"], "1/s")
     runs = tables["run"].get("num_runs", 100)
     for wrong, sentence in (

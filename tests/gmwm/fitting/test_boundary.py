@@ -1,11 +1,14 @@
 """Intervals at a boundary, against closed forms of two components and against fits again."""
 
+import threading
+
 import jax
 import numpy as np
 import pytest
 from programs import MEDIUM, as_channels, blank
 
 import gmwm_jax as gj
+from gmwm_jax.app.web.library import published
 
 Z = 1.959963984540054
 
@@ -162,3 +165,23 @@ def test_draws_of_a_component_at_zero_reach_to_its_limit():
     assert np.quantile(np.exp(moved[:, 1]), 0.95) == pytest.approx(fit.parameters()["RW", "gamma2"].ci_high, rel=0.03)
     assert start[0] == pytest.approx(np.log(fit.parameters()["WN", "sigma2"].value))
     assert np.all(moved[:, 0] <= start[0] + 1e-9)
+
+
+@pytest.mark.slow
+def test_two_threads_have_their_intervals():
+    """Of a program that two threads run at once XLA's runtime may never come to the end."""
+    wv = published("mti-g")["gyro_x"]
+    expected = [(e.ci_low, e.ci_high) for e in gj.fit(wv, "WN + RW + 3*GM", throw=False).parameters()]
+    found = []
+
+    def again():
+        for _ in range(3):
+            found.append([(e.ci_low, e.ci_high) for e in gj.fit(wv, "WN + RW + 3*GM", throw=False).parameters()])
+
+    threads = [threading.Thread(target=again, daemon=True) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(120)
+    assert len(found) == 6
+    np.testing.assert_allclose(found, [expected] * 6, rtol=1e-9)

@@ -150,7 +150,7 @@ def _server(input: Inputs, store: Store) -> None:
         tabled = () if rec is None else (tables.recording(rec), tables.preview(rec))
         return "\n".join(remarks), *tabled
 
-    known = store.computed(described, describe, "")
+    known = store.computed(described, describe, "", room=ROOM.id)
 
     @render.ui
     def facts() -> Tag | None:

@@ -177,7 +177,7 @@ def _server(input: Inputs, store: Store) -> None:
             tested = str(error)
         return _Described(of, truth, None if truth is None else tables.estimates(of, truth), tested)
 
-    described = store.computed(described_key, describe, "computing the intervals ..")
+    described = store.computed(described_key, describe, "computing the intervals ..", room=ROOM.id)
 
     @render_figure
     def intervals() -> go.Figure | Outcome[Any] | None:

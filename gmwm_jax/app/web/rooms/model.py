@@ -199,7 +199,7 @@ def _server(input: Inputs, store: Store) -> None:
             found.warnings,
         )
 
-    printed = store.computed(printed_key, print_out, "computing the intervals ..")
+    printed = store.computed(printed_key, print_out, "computing the intervals ..", later=True)
 
     @reactive.effect
     def _remember() -> None:

@@ -40,7 +40,6 @@ class _Shown(NamedTuple):
     """Or why there is none."""
     promised: tables.Table | None
     """The datasheet itself in the units of a filter."""
-    file: Snippet
 
 
 def _against(fit: gj.Fit, text: str) -> tuple[tables.Table | str, tables.Table | None]:
@@ -96,33 +95,41 @@ def _ui(state: State, limits: Limits) -> Tag:
 
 def _server(input: Inputs, store: Store) -> None:
     def key() -> Any:
-        found, wv, state = store.fit().value, store.variance().value, store.state()
-        if state.room != ROOM.id or found is None or wv is None or store.of_recording().value is None:
+        found, state = store.fit().value, store.state()
+        if state.room != ROOM.id or found is None or store.of_recording().value is None:
             return None
         truth = store.truth()
         promised = state.datasheet.strip()
-        return (
-            Same(found), Same(wv), model_of(state), state.weights, state.level, state.target, promised,
-            None if truth is None else Same(truth),
-        )  # fmt: skip
+        return (Same(found), promised, None if truth is None else Same(truth))
 
     def work(key: Any) -> _Shown:
-        of, wv, model, weights, level, target, promised, truth = key
+        of, promised, truth = key
         fit = of.value
-        # the file of a filter is of all channels
-        fits = gj.fit(wv.value, model, weights=weights, level=level, throw=False)
-        if target not in formats():
-            raise ValueError(f"Filter: there is no {target}.")
         return _Shown(
             tables.estimates(fit, None if truth is None else truth.value),
             tables.filter(fit),
             tables.datasheet(fit),
             tables.formulas(fit.model, fit.rate, fit.unit),
             *_against(fit, promised),
-            snippet([fits] if isinstance(fits, gj.Fit) else list(fits.values()), target),
         )
 
     shown = store.computed(key, work, "computing the intervals ..")
+
+    def file_key() -> Any:
+        wv, state = store.variance().value, store.state()
+        if store.fit().value is None or wv is None:
+            return None
+        return Same(wv), model_of(state), state.weights, state.level, state.target
+
+    def write(key: Any) -> Snippet:
+        wv, model, weights, level, target = key
+        if target not in formats():
+            raise ValueError(f"Filter: there is no {target}.")
+        fits = gj.fit(wv.value, model, weights=weights, level=level, throw=False)
+        return snippet([fits] if isinstance(fits, gj.Fit) else list(fits.values()), target)
+
+    # of all channels, which takes several times as long as the tables of one
+    written = store.computed(file_key, write, "fitting all channels ..", later=True, room=ROOM.id)
 
     @render.ui
     def converted() -> Tag:
@@ -180,8 +187,8 @@ def _server(input: Inputs, store: Store) -> None:
 
     @render.ui
     def filter_file() -> Tag | None:
-        found = shown().value
-        return None if found is None else text(found.file.text or found.file.reason)
+        found = written()
+        return status(found) if found.value is None else text(found.value.text or found.value.reason)
 
 
 ROOM = Room("units", "Units & filters", _ui, _server)

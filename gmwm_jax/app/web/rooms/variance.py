@@ -103,7 +103,7 @@ def _server(input: Inputs, store: Store) -> None:
         said = "\n".join(f"Warning: {w}." for w in wv.warnings)
         return said, tables.scales(wv[channel]), tables.readings(wv) if readable else None
 
-    tabled = store.computed(tabled_key, tabulate, "")
+    tabled = store.computed(tabled_key, tabulate, "", later=True, room=ROOM.id)
 
     @render.ui
     def scales() -> Tag | None:

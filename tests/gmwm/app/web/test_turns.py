@@ -35,6 +35,29 @@ def test_what_takes_too_long_is_left_behind_and_others_go_on(turns):
     assert turns.running == 0
 
 
+def test_what_is_later_keeps_nobody_waiting():
+    """With two threads: many pages have something for later, and clicks are answered at once, the page's own too."""
+    turns, gate, order = Turns(2, pages=5, seconds=10.0), threading.Event(), []
+
+    def slow(number):
+        gate.wait(5)
+        order.append(number)
+
+    async def all_of_them():
+        pages = [turns.of_page() for _ in range(5)]
+        waiting = [asyncio.ensure_future(page.run(lambda k=k: slow(k), later=True)) for k, page in enumerate(pages)]
+        await asyncio.sleep(0.05)
+        for page in pages:
+            assert await asyncio.wait_for(page.run(lambda: 1), 2) == 1
+        assert not order
+        gate.set()
+        await asyncio.gather(*waiting)
+
+    asyncio.run(all_of_them())
+    turns.end()
+    assert order == [0, 1, 2, 3, 4]
+
+
 def test_what_nobody_wants_any_more_is_not_begun(turns):
     begun = []
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
+import nav_jax as nj
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.rooms.joined import joined
 from nav_jax.app.sections import AIDING, MOTIONS
 from nav_jax.app.web import controls, study
+from nav_jax.app.web.followed import follow
 from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
 from nav_jax.app.web.room import ROOM
@@ -19,6 +21,7 @@ from nav_jax.app.web.study import OWN, PAGE, RIGHT, config_of_text, tables_of, t
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors, sensor_errors
+from nav_jax.trajectory.files import to_geodetic
 
 TEXT = {"nav_truth": "text", "nav_accel": "WN(sigma2=1e-4)", "nav_gyro": "WN(sigma2=1e-6)", "nav_rate": "20"}
 
@@ -37,7 +40,7 @@ def test_the_page_finds_the_room():
 def test_each_field_of_a_scenario_has_inputs():
     """Where this fails, a scenario has learnt something: give it a row in `controls.OF_SCENARIO`."""
     assert set(controls.OF_SCENARIO) == {field.name for field in dataclasses.fields(Scenario)}
-    assert {c.name for c in controls.motions()} == set(MOTIONS)
+    assert {c.name for c in controls.motions()} == {*MOTIONS, controls.FILE}
     assert {c.name for c in controls.aiding()} == set(AIDING)
     names = [c.name for c in controls.every()]
     assert len(names) == len(set(names))
@@ -78,6 +81,34 @@ def test_the_earth_is_chosen():
     np.testing.assert_allclose(found.scenario.earth.origin, [*np.deg2rad([46.0, 6.0]), 500.0])
     with pytest.raises(ValueError, match="where positions are zero"):
         config(NavigationState.from_query(dict(TEXT, nav_run_earth="wgs84")))
+
+
+def test_a_trajectory_that_is_sent_is_followed(tmp_path):
+    """Geodetic, in degrees, with semicolons: kept as a table that needs no options."""
+    there, kept = tmp_path / "0.csv", tmp_path / "kept"
+    kept.mkdir()
+    circle = nj.motions.circle(duration=10.0, rate=20.0)
+    origin = np.array([0.8, 0.1, 300.0])
+    lla = to_geodetic(circle, origin)
+    table = np.column_stack([circle.time, np.rad2deg(lla[:, :2]), lla[:, 2], np.rad2deg(circle.euler)])
+    np.savetxt(there, table, "%.14g", ";", header="time;lat;lon;h;roll;pitch;yaw", comments="")
+    options = {"angles": "deg", "origin": "[0.8, 0.1, 300]", "delimiter": ";", "position": ""}
+    followed = follow(there, "drive.csv", options, Limits(), kept)
+    assert followed.duration == pytest.approx(10.0)
+    assert followed.origin == pytest.approx(tuple(origin))
+    own = TEXT | {"nav_motion": "file", "nav_file_smooth": "0.5", "nav_aiding": "barometer"}
+    for earth in ("flat", "wgs84"):
+        state = NavigationState.from_query(dict(own, nav_run_earth=earth))
+        text = toml_of(tables_of(state, {}, followed=followed))
+        found = config_of_text(text, kept).scenario.reference
+        assert np.abs(found.position - circle.position).max() < 0.5
+        assert f'file = "{followed.name}"' in text
+    with pytest.raises(ValueError, match="Trajectory: send its file"):
+        tables_of(state, {})
+    with pytest.raises(ValueError, match=r"drive\.csv: "):
+        follow(there, "drive.csv", {"angles": "gon"}, Limits(), kept)
+    with pytest.raises(ValueError, match=r"\[trajectory\]"):
+        follow(there, "drive.csv", {"position": "north"}, Limits(), kept)
 
 
 def test_what_is_typed_is_what_is_computed():
