@@ -5,7 +5,7 @@ intervals of one fit keeps those waiting that want the intervals of any other.
 """
 
 import functools
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 T = TypeVar("T")
 
@@ -26,6 +26,10 @@ class cached_property(functools.cached_property[T]):
     9
     """
 
+    @overload
+    def __get__(self, instance: None, owner: type[Any] | None = None) -> "cached_property[T]": ...
+    @overload
+    def __get__(self, instance: object, owner: type[Any] | None = None) -> T: ...
     def __get__(self, instance: Any, owner: type[Any] | None = None) -> Any:
         """Return what is known, or compute it."""
         if instance is None:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import numpy as np
 
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.uploads import read_apart
@@ -42,10 +41,9 @@ def follow(path: Path, name: str, options: Mapping[str, str], limits: Limits, fo
     given = {key: value_of(text) for key, text in options.items() if text.strip()}
     section = checked(TrajectoryFile, {"file": name, **given}, "[trajectory]")
     found = read_apart(read_in_64_bits, path, name, section.given("file"), limits)
-    content = hashlib.sha256(b"".join(np.ascontiguousarray(a) for a in (found.time, found.position, found.quaternion)))
+    content = hashlib.sha256(b"".join(a.tobytes() for a in (found.time, found.position, found.quaternion)))
     kept = save_trajectory(found, folder / f"trajectory-{content.hexdigest()[:_NAMED]}.npz")
-    origin = None if found.origin is None else tuple(float(x) for x in found.origin)
-    return Followed(folder, kept.name, found.duration, origin)
+    return Followed(folder, kept.name, found.duration, found.origin)
 
 
 def read_in_64_bits(path: Path, **options: Any) -> Trajectory:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import tomli_w
 
 from nav_jax.app.comparison_file import TRUTH, Config, config_of
@@ -25,7 +26,7 @@ class Followed(NamedTuple):
     name: str
     """Of the file there, which another trajectory has another of."""
     duration: float
-    origin: tuple[float, float, float] | None
+    origin: np.ndarray | None
     """Latitude, longitude (rad), height (m), if positions are about one."""
 
 
@@ -96,7 +97,7 @@ def tables_of(
         "run": _given(state, (*controls.computed(), *controls.runs())),
     }
     if motion.name == controls.FILE and followed is not None and tables["run"].get("earth") == "wgs84":
-        tables["run"] = ({} if followed.origin is None else {"origin": list(followed.origin)}) | tables["run"]
+        tables["run"] = ({} if followed.origin is None else {"origin": followed.origin.tolist()}) | tables["run"]
     _require(tables, caps, followed)
     return {name: table for name, table in tables.items() if table}
 
@@ -202,8 +203,11 @@ def _rate(state: Any, models: Mapping[str, ImuErrors]) -> float | None:
 
 
 def _require(tables: Mapping[str, Any], caps: Caps, followed: Followed | None) -> None:
-    is_file = followed is not None and controls.FILE in tables["trajectory"]
-    duration = followed.duration if is_file else quantity(tables["trajectory"].get("duration", 300.0), "s")
+    trajectory = tables["trajectory"]
+    if followed is not None and "file" in trajectory:
+        duration = followed.duration
+    else:
+        duration = quantity(trajectory.get("duration", 300.0), "s")
     rate = quantity(tables["truth"]["rate"], "1/s")
     runs = tables["run"].get("num_runs", 100)
     for wrong, sentence in (
