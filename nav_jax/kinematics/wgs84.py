@@ -99,8 +99,8 @@ class Wgs84(AbstractEarth):
     Examples
     --------
     >>> earth = nj.Wgs84(np.deg2rad([46.5, 6.6, 0.0]) + [0.0, 0.0, 500.0])
-    >>> earth.gravity_n(jnp.zeros(3)).round(5).tolist()
-    [0.0, 0.0, 9.80601]
+    >>> round(float(earth.gravity_n(jnp.zeros(3))[2]), 5)  # down
+    9.80601
     """
 
     is_uniform: ClassVar[bool] = False
