@@ -57,7 +57,7 @@ def records():
 def squares(time, position, velocity, quaternion, sd):
     """(error/sd)^2 of the nine errors of navigation, of runs (R, E, ...) with one time."""
     imu, reference = nj.perfect_imu(REFERENCE, RATE)
-    p, v, q = (np.asarray(a)[:, :, 0] for a in truth_at(reference, imu, time, nj.FlatEarth()))
+    p, v, q = (np.asarray(a)[:, :, 0] for a in truth_at(reference, imu, time, nj.FlatEarth())[:3])
     ours, theirs = (jnp.moveaxis(jnp.asarray(a), -1, 0) for a in (quaternion, np.broadcast_to(q, quaternion.shape)))
     psi = np.moveaxis(np.asarray(quat_to_rotvec(quat_multiply(ours, quat_conjugate(theirs)))), 0, -1)
     return (np.concatenate([position - p, velocity - v, psi], axis=-1) / sd[..., :9]) ** 2
