@@ -10,7 +10,8 @@ are converted at the door. Process parameters are *per sample*; they become cont
 entries only through `Fit.continuous`, `Fit.datasheet` and `gmwm_jax.units`, with the sampling rate stated.
 
 The package never changes JAX's configuration: turn 64-bit floats on first,
-``jax.config.update("jax_enable_x64", True)``.
+``jax.config.update("jax_enable_x64", True)``. Where XLA has few threads of its own, on CPUs with less than 8 cores, two
+threads of yours may wait for each other for ever: import this before JAX computes anything, and XLA has enough.
 
 Power spectral densities are two-sided: white noise of variance sigma2 per sample has q = sigma2/f. A one-sided
 amplitude density is larger by sqrt(2). Scales are spans of the Haar filter; the wavelet variance is half the Allan
@@ -51,6 +52,8 @@ IEEE Std 952-1997, annex C. Guide for single-axis interferometric fibre-optic gy
 """
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
+
+from gmwm_jax._internal.xla_threads import have_enough_threads as _have_enough_threads
 
 if _TYPE_CHECKING:
     from gmwm_jax import fitting as fitting
@@ -100,5 +103,7 @@ else:
     from gmwm_jax._internal.lazy import lazily as _lazily
 
     __getattr__, __dir__, __all__ = _lazily(__name__)
+
+_have_enough_threads()
 
 __version__ = "0.1.0"

@@ -115,6 +115,8 @@ def register(
     from_parts: Callable[[Any], Any],
     *,
     family: bool = False,
+    not_finite: Collection[str] = (),
+    added: Collection[str] = (),
 ) -> None:
     """Enter a class into the registry whose state is not its fields.
 
@@ -128,9 +130,12 @@ def register(
         From an object to that tuple, and back.
     family
         Whether all classes derived from it are meant; `to_parts` refuses those that `from_parts` cannot build.
+    not_finite, added
+        As of `saved`; what is added has a default in `parts_as`.
     """
     build: Any = parts_as
-    _enter(Row(cls, parts_as, lambda x: to_parts(x)._asdict(), lambda parts: from_parts(build(**parts)), ()))
+    row = Row(cls, parts_as, lambda x: to_parts(x)._asdict(), lambda p: from_parts(build(**p)), not_finite, added)
+    _enter(row)
     if family:
         _FAMILIES.append(cls)
 

@@ -44,7 +44,6 @@ has no true value, and the largest of many scores is not normal (Davies 1987): `
 it is there at all.
 """  # noqa: E501
 
-import threading
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -63,8 +62,6 @@ from gmwm_jax.fitting.tables import LogQuantities
 from gmwm_jax.processes.base import AbstractProcess, Composite
 from gmwm_jax.processes.parameter import Limit
 
-_ONE_AT_A_TIME = threading.Lock()
-"""Two threads that run this program at once wait for ever in XLA (jaxlib 0.10 on CPUs): the tests have the case."""
 _PLACES = 24
 """At which a component is held, at once."""
 _SMALL = 1e-4
@@ -292,9 +289,8 @@ class Boundary:
             test[tested] = True
         filled = np.concatenate([places, np.repeat(places[-1:], _PLACES - num, axis=0)])
         target, model = self._fitted if target is None else target, self._fit.model
-        with _ONE_AT_A_TIME:
-            found = conditional_fits(self._quantities, model, filled, free, test, target, self._whitener, self._tau)
-            return ConditionalFits(*(np.asarray(leaf)[:num] for leaf in found))
+        found = conditional_fits(self._quantities, model, filled, free, test, target, self._whitener, self._tau)
+        return ConditionalFits(*(np.asarray(leaf)[:num] for leaf in found))
 
     @cached_property
     def _fitted(self) -> Float[np.ndarray, " J"]:
