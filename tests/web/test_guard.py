@@ -6,6 +6,7 @@ import contextlib
 import http.client
 import os
 import random
+import re
 import socket
 import subprocess
 import sys
@@ -65,6 +66,16 @@ def test_headers_of_every_answer(small):
     assert answer.headers["server"] is None
 
 
+def test_a_browser_keeps_libraries_and_asks_whether_they_have_changed(small):
+    _, page = get(small)
+    path = "/" + re.search(r'src="(lib/plotly[^"]*)"', page)[1]
+    first, content = get(small, path)
+    assert len(content) > 1_000_000
+    assert first.headers["cache-control"] == "no-cache"
+    again, nothing = get(small, path, **{"If-None-Match": first.headers["etag"]})
+    assert (again.status, nothing) == (304, "")
+
+
 def test_other_hosts_are_not_answered(small):
     answer, text = get(small, Host="evil.example")
     assert answer.status == 421
@@ -105,18 +116,22 @@ def test_no_path_leads_out(small, path):
     assert "root:" not in text
 
 
-def sent(body, declared):
+async def reads_all(scope, receive, send):
+    while (message := await receive())["type"] == "http.request":
+        scope["seen"].append(len(message["body"]))
+        if not message["more_body"]:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+            return await send({"type": "http.response.body", "body": b""})
+    raise OSError("cut off")
+
+
+def guarded(**limits):
+    return Guard(reads_all, ["localhost"], Limits(upload=1000, free_disk=0, **limits))
+
+
+def sent(body, declared, guard=None, session="abc"):
     """What a guarded application that reads all bodies answers to one, and how many bytes it saw."""
     seen, answers = [], []
-
-    async def reads_all(scope, receive, send):
-        while (message := await receive())["type"] == "http.request":
-            seen.append(len(message["body"]))
-            if not message["more_body"]:
-                await send({"type": "http.response.start", "status": 200, "headers": []})
-                return await send({"type": "http.response.body", "body": b""})
-        raise OSError("cut off")
-
     parts = [body[i : i + 300] for i in range(0, len(body), 300)]
     messages = iter([{"type": "http.request", "body": p, "more_body": p is not parts[-1]} for p in parts])
 
@@ -127,9 +142,10 @@ def sent(body, declared):
         answers.append(message)
 
     headers = [(b"host", b"localhost"), (b"content-length", str(declared).encode())][: 1 + (declared is not None)]
-    scope = {"type": "http", "path": "/session/abc/upload/def", "headers": headers}
-    guard = Guard(reads_all, ["localhost"], Limits(upload=1000, free_disk=0))
-    thread = threading.Thread(target=asyncio.run, args=(guard(scope, receive, send),))  # this one may have a loop
+    scope = {"type": "http", "path": f"/session/{session}/upload/def", "headers": headers, "seen": seen}
+    thread = threading.Thread(
+        target=asyncio.run, args=((guard or guarded())(scope, receive, send),)
+    )  # this one may have a loop
     thread.start()
     thread.join()
     return answers[0]["status"], sum(seen)
@@ -140,6 +156,16 @@ def test_bytes_are_counted_whatever_is_declared():
     assert sent(b"x" * 5000, 5000) == (413, 0)
     assert sent(b"x" * 5000, 10) == (413, 900)
     assert sent(b"x" * 5000, None) == (413, 900)  # in parts of any number
+
+
+def test_a_session_sends_so_much_and_sessions_that_are_made_up_take_no_memory(monkeypatch):
+    monkeypatch.setattr("gmwm_jax.app.web.guard._COUNTED", 3)
+    guard = guarded(uploads_per_session=1000)
+    assert [sent(b"x" * 400, 400, guard)[0] for _ in range(3)] == [200, 200, 413]
+    for k in range(10):
+        assert sent(b"x", 1, guard, f"other{k}")[0] == 200
+    assert len(guard._uploaded) == 3
+    assert sent(b"x" * 400, 400, guard)[0] == 200  # it is forgotten by then
 
 
 def test_a_message_that_is_too_large_ends_its_page_alone(small):

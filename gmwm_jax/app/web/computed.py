@@ -65,7 +65,7 @@ class Computed(Generic[K, T]):
     ):
         self._key, self._work, self._busy, self._words, self._turns = key, work, busy, words, turns
         self._is_later, self._looked_at = later, looked_at
-        self._done: reactive.Value[tuple[K, Outcome[T]] | None] = reactive.Value(None)
+        self._done: reactive.Value[tuple[K, Outcome[T]] | None] = reactive.Value(None, name="computed")
         self._asked: K | None = None
         self._ended = False
         self._tasks: set[asyncio.Task[None]] = set()

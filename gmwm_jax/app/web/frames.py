@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,29 +99,45 @@ def figure_of(
         What bands are, above the legend.
     """
     rows = -(-len(frames) // columns)
-    # the titles are texts of the frames, which Plotly reads as it reads names
+    layout = _grid(rows, columns, shared_x, None if heights is None else tuple(heights))
+    titles = [text | {"text": escaped(f.title)} for text, f in zip(layout["annotations"], frames, strict=False)]
+    layout |= _layout(height, escaped(note)) | {"meta": {"alt": _alternative(frames)}}
+    traces, shapes, named = [], [], set[str]()
+    for k, frame in enumerate(frames):
+        number = str(k + 1) if k else ""
+        names = {"xaxis": f"x{number}", "yaxis": f"y{number}"}
+        for i, item in enumerate(frame.items):
+            drawn = _drawn(frame, item, style(frame, i, item), named)
+            traces += [trace | names for trace in drawn.traces]
+            shapes += [shape | _across(names, *drawn.across) for shape in drawn.shapes]
+        last_row = not shared_x or k // columns == rows - 1
+        given = None if y_ranges is None else y_ranges[k]
+        layout[f"xaxis{number}"] |= _axis(frame.x, _along(frame, "x"), titled=last_row)
+        layout[f"yaxis{number}"] |= _axis(frame.y, _along(frame, "y") if given is None else given)
+    # made and checked as a whole: to change a figure of Plotly's is slow
+    layout |= {"annotations": [title for title in titles if title["text"]], "shapes": shapes}
+    return go.Figure({"data": traces, "layout": layout})
+
+
+def _grid(rows: int, columns: int, shared_x: bool, heights: tuple[float, ...] | None) -> dict[str, Any]:
+    """Places of the frames' axes and titles."""
+    return json.loads(_json_of_grid(rows, columns, shared_x, heights))
+
+
+@cache
+def _json_of_grid(rows: int, columns: int, shared_x: bool, heights: tuple[float, ...] | None) -> str:
     build: Any = make_subplots  # its stubs know less than it does
-    figure: Any = build(
+    figure = build(
         rows,
         columns,
         shared_xaxes="all" if shared_x else False,
-        subplot_titles=[escaped(frame.title) for frame in frames],
+        subplot_titles=["-"] * (rows * columns),
         row_heights=None if heights is None else list(heights),
         vertical_spacing=min(0.12, 0.4 / rows),
         horizontal_spacing=min(0.12, 0.25 / columns),
     )
-    named: set[str] = set()
-    for k, frame in enumerate(frames):
-        at = {"row": k // columns + 1, "col": k % columns + 1}
-        for i, item in enumerate(frame.items):
-            _add(figure, at, frame, item, style(frame, i, item), named)
-        last_row = not shared_x or k // columns == rows - 1
-        figure.update_xaxes(**_axis(frame.x, _along(frame, "x"), titled=last_row), **at)
-        given = None if y_ranges is None else y_ranges[k]
-        figure.update_yaxes(**_axis(frame.y, _along(frame, "y") if given is None else given), **at)
-    figure.update_layout(**_layout(height, escaped(note)), meta={"alt": _alternative(frames)})
-    figure.update_annotations(font_size=13)
-    return figure
+    layout = figure.update_annotations(font_size=13).layout.to_plotly_json()
+    return json.dumps({name: value for name, value in layout.items() if name != "template"})
 
 
 def themed(figure: go.Figure, *, dark: bool) -> go.Figure:
@@ -152,13 +169,26 @@ def themed(figure: go.Figure, *, dark: bool) -> go.Figure:
 # -- traces -----------------------------------------------------------------------------------------------------------
 
 
-def _add(figure: Any, at: dict[str, int], frame: Frame, item: Item, style: Style, named: set[str]) -> None:
-    group = style.group or item.label or "-"
-    legend = {"name": escaped(item.label), "legendgroup": escaped(group)}
-    legend["showlegend"] = bool(item.label) and item.label not in named  # type: ignore[assignment]
+class _Drawn(NamedTuple):
+    """An item: traces and shapes as Plotly has them, without their axes."""
+
+    traces: Sequence[dict[str, Any]]
+    shapes: Sequence[dict[str, Any]] = ()
+    across: tuple[str, float, float] = ("x", 0.0, 0.0)
+    """Where the shapes lie: from one value of an axis to another, and over all of the other axis."""
+
+
+def _drawn(frame: Frame, item: Item, style: Style, named: set[str]) -> _Drawn:
+    legend: dict[str, Any] = {
+        "type": "scatter",
+        "name": escaped(item.label),
+        "legendgroup": escaped(style.group or item.label or "-"),
+        "showlegend": bool(item.label) and item.label not in named,
+    }
     named.add(item.label)
     hover = f"{_hovered('x', frame.x)}<br>{_hovered('y', frame.y)}"
     drawn = style.opacity
+    unseen = {"x": [None], "y": [None], "hoverinfo": "skip"}
     match item:
         case Line(x=x, y=y):
             interval = _interval_around(frame, item)
@@ -171,23 +201,22 @@ def _add(figure: Any, at: dict[str, int], frame: Frame, item: Item, style: Style
             mode = "lines+markers" if style.symbol else "lines"
             line = {"color": style.colour, "width": style.width, "dash": style.dash}
             marker = {"symbol": f"{style.symbol or 'circle'}-open", "size": 7, "color": style.colour}
-            made: Any = go.Scatter(
-                x=x, y=y, mode=mode, line=line, marker=marker, hovertemplate=hover, connectgaps=False, **extra, **legend
-            )
+            shown = {"x": x, "y": y, "mode": mode, "line": line, "marker": marker, "hovertemplate": hover}
+            return _Drawn([shown | extra | legend | {"connectgaps": False}])
         case Points(x=x, y=y):
             marker = {"symbol": style.symbol or "circle", "size": 8, "color": style.colour}
             texts = {"text": [escaped(name) for name in item.names]} if item.names else {}
             hover = "%{text}<br>" * bool(item.names) + hover
-            made = go.Scatter(x=x, y=y, mode="markers", marker=marker, hovertemplate=hover, **texts, **legend)
+            shown = {"x": x, "y": y, "mode": "markers", "marker": marker, "hovertemplate": hover}
+            return _Drawn([shown | texts | legend])
         case Band(x=x, low=low, high=high):
-            for xs, lows, highs in _unbroken(x, low, high):
-                area = {"fill": "toself", "fillcolor": _rgba(style.colour, drawn), "line": {"width": 0}}
-                ends = np.concatenate([xs, xs[::-1]]), np.concatenate([highs, lows[::-1]])
-                figure.add_trace(
-                    go.Scatter(x=ends[0], y=ends[1], mode="lines", hoverinfo="skip", **area, **legend), **at
-                )
-                legend["showlegend"] = False  # type: ignore[assignment]
-            return
+            area = {"fill": "toself", "fillcolor": _rgba(style.colour, drawn), "line": {"width": 0}}
+            area |= {"mode": "lines", "hoverinfo": "skip"}
+            parts = []
+            for k, (xs, lows, highs) in enumerate(_unbroken(x, low, high)):
+                ends = {"x": np.concatenate([xs, xs[::-1]]), "y": np.concatenate([highs, lows[::-1]])}
+                parts.append(legend | area | ends | ({"showlegend": False} if k else {}))
+            return _Drawn(parts)
         case Bars(x=x, y=y, low=low, high=high, lying=lying):
             centre = x if lying else y
             error = {"type": "data", "symmetric": False, "array": high - centre, "arrayminus": centre - low}
@@ -197,38 +226,38 @@ def _add(figure: Any, at: dict[str, int], frame: Frame, item: Item, style: Style
             names = (frame.y if lying else frame.x).names
             if names:
                 hover = "%{text}<br>" + hover
-                legend["text"] = [escaped(names[int(v)]) for v in (y if lying else x)]  # type: ignore[assignment]
+                legend["text"] = [escaped(names[int(v)]) for v in (y if lying else x)]
             marker = {"symbol": style.symbol or "circle", "size": 8, "color": style.colour}
             bars = {"error_x" if lying else "error_y": error, "customdata": np.column_stack([low, high])}
-            made = go.Scatter(x=x, y=y, mode="markers", marker=marker, hovertemplate=hover, **bars, **legend)
+            return _Drawn(
+                [{"x": x, "y": y, "mode": "markers", "marker": marker, "hovertemplate": hover} | bars | legend]
+            )
         case Histogram(edges=edges, counts=counts):
-            made = _histogram(frame, edges, counts, style, legend)
+            return _Drawn([_histogram(frame, edges, counts, style) | legend])
         case Mark(at=value, of=of):
             line = {"color": style.colour, "width": style.width, "dash": style.dash}
-            figure.add_shape(**_across(figure, at, of, value, value), type="line", line=line)
-            made = go.Scatter(x=[None], y=[None], mode="lines", line=line, hoverinfo="skip", **legend)
+            entry = unseen | {"mode": "lines", "line": line} | legend
+            return _Drawn([entry], [{"type": "line", "line": line}], (of, value, value))
         case Span(low=low, high=high, of=of):
             area = {"fillcolor": style.colour, "opacity": drawn, "line": {"width": 0}, "layer": "below"}
-            figure.add_shape(**_across(figure, at, of, low, high), type="rect", **area)
             marker = {"symbol": "square", "size": 12, "color": _rgba(style.colour, max(0.3, drawn))}
-            made = go.Scatter(x=[None], y=[None], mode="markers", marker=marker, hoverinfo="skip", **legend)
-    figure.add_trace(made, **at)
+            entry = unseen | {"mode": "markers", "marker": marker} | legend
+            return _Drawn([entry], [{"type": "rect"} | area], (of, low, high))
 
 
-def _histogram(frame: Frame, edges: np.ndarray, counts: np.ndarray, style: Style, legend: dict[str, Any]) -> Any:
+def _histogram(frame: Frame, edges: np.ndarray, counts: np.ndarray, style: Style) -> dict[str, Any]:
     """Counts as an area with steps: bars have no width on a logarithmic axis."""
     x = np.repeat(edges, 2)
     y = np.concatenate([[0.0], np.repeat(counts.astype(float), 2), [0.0]])
     line = {"color": style.colour, "width": 1}
     fill = {"fill": "tozeroy", "fillcolor": _rgba(style.colour, max(style.opacity, 0.35))}
     hover = f"{_hovered('x', frame.x)}<br>%{{y}}"
-    return go.Scatter(x=x, y=y, mode="lines", line=line, hovertemplate=hover, **fill, **legend)
+    return {"x": x, "y": y, "mode": "lines", "line": line, "hovertemplate": hover} | fill
 
 
-def _across(figure: Any, at: dict[str, int], of: str, low: float, high: float) -> dict[str, Any]:
+def _across(names: dict[str, str], of: str, low: float, high: float) -> dict[str, Any]:
     """Where a mark or a span lies: at values of one axis, and over all of the other."""
-    axes = figure.get_subplot(at["row"], at["col"])
-    x, y = axes.xaxis.plotly_name.replace("axis", ""), axes.yaxis.plotly_name.replace("axis", "")
+    x, y = names["xaxis"], names["yaxis"]
     if of == "x":
         return {"x0": low, "x1": high, "xref": x, "y0": 0, "y1": 1, "yref": f"{y} domain"}
     return {"y0": low, "y1": high, "yref": y, "x0": 0, "x1": 1, "xref": f"{x} domain"}
@@ -284,9 +313,9 @@ def _along(frame: Frame, axis: str) -> tuple[float, float] | None:
 def _axis(axis: Axis, ends: tuple[float, float] | None, *, titled: bool = True) -> dict[str, Any]:
     unit = f" [{escaped(axis.unit)}]" if axis.unit else ""
     made: dict[str, Any] = {"gridcolor": GRID, "linecolor": FAINT, "ticks": "outside", "zeroline": False}
-    made |= {"mirror": True, "showline": True, "title_standoff": 8}
+    made |= {"mirror": True, "showline": True, "title": {"standoff": 8}}
     if titled:
-        made["title_text"] = f"{escaped(axis.label)}{unit}"
+        made["title"]["text"] = f"{escaped(axis.label)}{unit}"
     if axis.names:
         made |= {"tickmode": "array", "tickvals": list(range(len(axis.names))), "automargin": True}
         made |= {"ticktext": [escaped(name) for name in axis.names], "range": [len(axis.names) - 0.5, -0.5]}

@@ -25,10 +25,14 @@ HEADERS = {
     "cache-control": "no-store",
 }
 """Of every answer."""
+_LIBRARY = {"cache-control": "no-cache"}
+"""Of programs and styles: a browser keeps them, and asks whether they have changed."""
 
 _UPLOAD = re.compile(r"/session/(\w+)/upload/\w+$")
 _SMALL = 1 << 20
 """Bytes of a request that is no upload."""
+_COUNTED = 10_000
+"""Sessions of which it is known how much they have sent."""
 
 
 class Guard:
@@ -84,6 +88,7 @@ class Guard:
         if not declared.isdigit() or int(declared) > most:
             await _answer(send, 413, refusal)
             return
+        given = HEADERS | _LIBRARY if scope["path"].startswith(scope.get("root_path", "") + "/lib/") else HEADERS
         state = {"bytes": 0, "answered": False, "cut": False}
 
         async def counted() -> Any:
@@ -93,7 +98,7 @@ class Guard:
             if message["type"] == "http.request":
                 state["bytes"] += len(message.get("body", b""))
                 if upload is not None:
-                    self._uploaded[upload[1]] = self._uploaded.get(upload[1], 0) + len(message.get("body", b""))
+                    self._count(upload[1], len(message.get("body", b"")))
                 if state["bytes"] > most:
                     state["cut"] = True
                     if not state["answered"]:
@@ -108,7 +113,7 @@ class Guard:
             if message["type"] == "http.response.start":
                 state["answered"] = True
                 kept = [(k, v) for k, v in message.get("headers", []) if k.decode().lower() not in HEADERS]
-                message = {**message, "headers": [*kept, *_encoded(HEADERS)]}
+                message = {**message, "headers": [*kept, *_encoded(given)]}
             await send(message)
 
         try:
@@ -116,6 +121,12 @@ class Guard:
         except Exception:
             if not state["cut"]:  # else it is the end that was made here
                 raise
+
+    def _count(self, session: str, size: int) -> None:
+        """Add to what a session has sent; anybody may make up a session, so that the oldest of many is forgotten."""
+        self._uploaded[session] = self._uploaded.pop(session, 0) + size
+        if len(self._uploaded) > _COUNTED:
+            del self._uploaded[next(iter(self._uploaded))]
 
     async def _websocket(self, scope: Any, receive: Any, send: Any) -> None:
         headers = _headers(scope)

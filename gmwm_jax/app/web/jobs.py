@@ -24,6 +24,9 @@ _BETWEEN = 0.2
 _PATIENCE = 1.0
 """Seconds that work stands aside, at each word of its progress, while others compute."""
 
+BUSY = "This page computes already: cancel that first."
+"""Said where `Jobs.start` refuses."""
+
 Tell = Callable[[int, int | None], None]
 """What the work calls with what is done and the total."""
 
@@ -120,7 +123,7 @@ class Jobs:
         others: Callable[[], bool] = lambda: False,
     ):
         self._session, self._queue, self._most, self._words, self._others = session, queue, most, words, others
-        self._done: reactive.Value[dict[str, tuple[Any, Outcome[Any]]]] = reactive.Value({})
+        self._done: reactive.Value[dict[str, tuple[Any, Outcome[Any]]]] = reactive.Value({}, name="jobs")
         self._run: _Run | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         session.on_ended(self.cancel)

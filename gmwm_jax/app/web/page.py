@@ -92,7 +92,8 @@ def _page(rooms: Sequence[Room], failures: Sequence[str], state: State, limits: 
         navbar_options=ui.navbar_options(underline=True),
         header=[
             HTMLDependency(
-                "plotly", plotly.__version__, source={"subdir": str(package)}, script={"src": "plotly.min.js"}
+                "plotly", plotly.__version__, source={"subdir": str(package)},
+                script={"src": "plotly.min.js", "async": ""},
             ),
             HTMLDependency(
                 "gmwm", gj.__version__, source={"subdir": str(_WWW)}, script={"src": "figure.js"},

@@ -38,7 +38,7 @@ class _File(BaseModel):
 
     gmwm_jax_page: Literal[1]
     """The version of this form."""
-    inputs: dict[str, bool | int | float | str | None] = Field(max_length=200)
+    inputs: dict[str, bool | int | float | str | None] = Field(max_length=1000)
     variance: dict[str, Any] | None = None
     fits: list["_Fitted"] = Field(default=[], max_length=_MAX_FITS)
 

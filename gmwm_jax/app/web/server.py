@@ -167,7 +167,10 @@ def serve(
     # a thread that makes many short calls of JAX waits so long after each for one that computes in Python
     sys.setswitchinterval(_SWITCH)
     if cache:
-        keep_compiled()
+        try:
+            keep_compiled()
+        except OSError as error:  # a folder that cannot be written: slower, and as good
+            say(f"Compiled models are not kept from start to start ({error}).")
     server = Running(host, port, prewarm=True, **options)
     if port and server.port != port:
         say(f"Port {port} is taken.")

@@ -129,10 +129,11 @@ class Store:
         self._turns = turns.of_page()
         self.parts: dict[str, Callable[[], Part | None]] = {}
         self.jobs = Jobs(session, queue, limits.job_seconds, in_words_of_the_page, lambda: turns.running > 0)
-        self.file: reactive.Value[File | None] = reactive.Value(None)
-        self.saved: reactive.Value[Page | None] = reactive.Value(None)
-        self.fits: reactive.Value[tuple[Fitted, ...]] = reactive.Value(())
-        self.records: reactive.Value[tuple[WaveletVariance, ...]] = reactive.Value(())
+        # named: the framework would read the program's source for the name of each
+        self.file: reactive.Value[File | None] = reactive.Value(None, name="file")
+        self.saved: reactive.Value[Page | None] = reactive.Value(None, name="saved")
+        self.fits: reactive.Value[tuple[Fitted, ...]] = reactive.Value((), name="fits")
+        self.records: reactive.Value[tuple[WaveletVariance, ...]] = reactive.Value((), name="records")
         self.state = reactive.calc(self._state)
         self.recording: Computed[Key, Shown] = self.computed(self._recording_key, self._record, "reading ..")
         self.variance: Computed[Key, Any] = self.computed(self._variance_key, self._vary, "computing the variance ..")

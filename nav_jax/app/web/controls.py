@@ -14,8 +14,6 @@ from nav_jax.app.sections import AIDING, MOTIONS, InitialSection, RunSection, Se
 
 ROOM = "nav"
 """With what the names of all inputs of the room begin."""
-
-
 FILE = "file"
 """The trajectory that is sent."""
 _SMOOTHING = ("smooth", "smooth_attitude")
@@ -52,7 +50,7 @@ _DEFAULTS: Mapping[str, Mapping[str, str]] = {
     "barometer": {"rate": "1", "height": "0.5"},
     "run": {"every": "10"},
 }
-"""Those of the demonstration: two minutes and more on a lemniscate, and 40 s without GNSS at its end."""
+"""Those of the demonstration: five minutes on a lemniscate, without GNSS in the last 40 s."""
 
 _HINTS = {"origin": '["46.5 deg", "6.6 deg", "500 m"]'}
 _LABELS = {"num_runs": "runs", "every": "samples in a covariance step"}
@@ -107,6 +105,8 @@ OF_SCENARIO: Mapping[str, Any] = {
     "earth": computed,
     "every": computed,
     "output_interval": computed,
+    "neglected": computed,
+    "suspected": computed,
 }
 """Field of a `Scenario` -> its inputs."""
 

@@ -3,14 +3,16 @@
 The command runs in a process of its own, with limits of memory and time, since the files are a visitor's.
 """
 
+import signal
 import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gmwm_jax._internal.limits import as_bytes
 from gmwm_jax._internal.saved import load
 from gmwm_jax.app.web.limits import Limits
 from nav_jax.app.comparison_file import names_of_files
@@ -18,11 +20,15 @@ from nav_jax.recorded.navigation import Navigation
 
 _BETWEEN = 0.2
 """Seconds between two looks at the process."""
+_CONFIGURATION = 1_000_000
+"""Bytes of a configuration, which is parsed in the process of the server, where nothing ends it."""
+_NAME = 255
+"""Bytes of the name of a file, in most file systems."""
 
 _PROGRAM = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_DATA, ({memory}, {memory}))
-resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds}))
+resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds} + 1))
 sys.argv = ["nav-jax", "navigate", "drive.toml", "--save", "solution.npz"]
 from nav_jax.__main__ import main
 main()
@@ -114,14 +120,9 @@ def navigate(files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | N
     """
     files = list(files)
     chosen = configuration_of(files)
-    try:
-        text = Path(chosen.path).read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(f"{chosen.name} is no text.") from None
     sent = [file for file in files if file is not chosen]
-    for file in sent:
-        if Path(file.name).name != file.name or file.name in ("", ".", ".."):
-            raise ValueError(f"{file.name!r:.80} is no name of a file.")
+    _check_names([file.name for file in sent])
+    text = _text_of(chosen)
     check(text, [file.name for file in sent])
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -134,6 +135,25 @@ def navigate(files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | N
     return Drive(said, solution)
 
 
+def _check_names(names: Sequence[str]) -> None:
+    """Raise unless a folder can have files of all these names: what it would say instead names a path of the server."""
+    for name in names:
+        if Path(name).name != name or name in ("", ".", "..") or "\0" in name or len(name.encode()) > _NAME:
+            raise ValueError(f"{name!r:.80} is no name of a file.")
+        if names.count(name) > 1:
+            raise ValueError(f"Two files have the name {name!r}: send each once.")
+
+
+def _text_of(chosen: Sent) -> str:
+    path = Path(chosen.path)
+    if path.stat().st_size > _CONFIGURATION:
+        raise ValueError(f"{chosen.name!r:.80} is larger than {as_bytes(_CONFIGURATION)}, the most of a configuration.")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(f"{chosen.name!r:.80} is no text.") from None
+
+
 def _run(folder: Path, limits: Limits, tell: Callable[[int, int | None], None]) -> str:
     program = _PROGRAM.format(memory=limits.read_memory, seconds=int(limits.job_seconds) + 1)
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -143,8 +163,18 @@ def _run(folder: Path, limits: Limits, tell: Callable[[int, int | None], None]) 
         finally:
             process.kill()
     if process.returncode:
-        raise ValueError((wrong.strip().splitlines() or ["The drive was not navigated: it took too much memory."])[-1])
+        raise ValueError(_reason(process.returncode, wrong, limits))
     return out.replace("Saved as solution.npz", "").strip()
+
+
+def _reason(code: int, wrong: str, limits: Limits) -> str:
+    """Why a drive was not navigated: what ended it, else the last line that the command wrote."""
+    if code < 0 and -code == signal.SIGXCPU:  # at the lower of its two limits; a lack of memory has another signal
+        return f"The drive was not navigated within {limits.job_seconds:g} s of a processor, the most that it gets."
+    lines = wrong.strip().splitlines()
+    if code < 0 or not lines:
+        return f"The drive was not navigated: it took more than the {as_bytes(limits.read_memory)} of memory it gets."
+    return lines[-1]
 
 
 def _followed(process: subprocess.Popen[str], tell: Callable[[int, int | None], None]) -> tuple[str, str]:

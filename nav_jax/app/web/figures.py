@@ -90,7 +90,7 @@ def trajectory(reference: Trajectory, *, columns: int = 2) -> go.Figure:
         return Style(COLOURS[3], symbol="circle") if isinstance(item, Points) else Style(COLOURS[0])
 
     figure = figure_of(frames, style, columns=columns, height=380 if columns > 1 else 780)
-    figure.update_yaxes(scaleanchor="x", row=1, col=1)
+    figure.layout.yaxis.scaleanchor = "x"
     return figure
 
 
@@ -129,7 +129,7 @@ def design(found: Design, *, columns: int = 2) -> go.Figure:
         Frames in a row.
     """
     frames = design_data(found)
-    labels = list(dict.fromkeys(i.label for f in frames for i in f.items if i.label))
+    labels = _labels(frames)
 
     def style(_: Frame, i: int, item: Item) -> Style:
         at = labels.index(item.label) if item.label in labels else 0
@@ -177,18 +177,18 @@ def drive(found: Navigation, *, columns: int = 2) -> go.Figure:
         Frames in a row.
     """
     frames = navigation_data(found)[:2]
-    labels = list(dict.fromkeys(i.label for f in frames for i in f.items if i.label))
+    labels = _labels(frames)
 
     def style(frame: Frame, i: int, item: Item) -> Style:
         if isinstance(item, Span):
             return Style(_OUTAGE, opacity=0.2)
-        of = item.label or next(n.label for n in reversed(frame.items[:i]) if n.label)  # what goes with it has no name
+        of = item.label or _label_before(frame, i)
         at = labels.index(of)
         colour = COLOURS[at % len(COLOURS)]
         return Style(colour, symbol=SYMBOLS[at % len(SYMBOLS)]) if isinstance(item, Points) else Style(colour)
 
     figure = figure_of(frames, style, columns=columns, height=420 if columns > 1 else 780)
-    figure.update_yaxes(scaleanchor="x", row=1, col=1)
+    figure.layout.yaxis.scaleanchor = "x"
     return figure
 
 
@@ -199,6 +199,16 @@ def _with_claims(frame: Frame) -> Frame:
         named = isinstance(item, Line) and not item.label
         items.append(item._replace(label=f"{items[-1].label}{_CLAIMED}") if named else item)  # type: ignore[call-arg]
     return frame._replace(items=tuple(items))
+
+
+def _labels(frames: Sequence[Frame]) -> list[str]:
+    """All names, each once."""
+    return list(dict.fromkeys(i.label for f in frames for i in f.items if i.label))
+
+
+def _label_before(frame: Frame, i: int) -> str:
+    """The name of what an item without one goes with."""
+    return next(n.label for n in reversed(frame.items[:i]) if n.label)
 
 
 def _over_time(frames: Sequence[Frame], names: Sequence[str], columns: int) -> go.Figure:
@@ -221,14 +231,14 @@ def _over_time(frames: Sequence[Frame], names: Sequence[str], columns: int) -> g
 
 
 def _of_runs(frames: Sequence[Frame], columns: int) -> go.Figure:
-    labels = list(dict.fromkeys(i.label for f in frames for i in f.items if i.label))
+    labels = _labels(frames)
 
     def style(frame: Frame, i: int, item: Item) -> Style:
         if isinstance(item, Span):
             return Style(_OUTAGE, opacity=0.2)
         if isinstance(item, Mark):
             return Style(FAINT, "dot", 1)
-        of = item.label or next(n.label for n in reversed(frame.items[:i]) if n.label)  # what goes with it has no name
+        of = item.label or _label_before(frame, i)
         if isinstance(item, Line) and " run" in of:
             return Style(GREY, width=0.6)
         return Style(COLOURS[labels.index(of) % len(COLOURS)], width=1.6, opacity=0.25)

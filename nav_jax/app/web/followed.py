@@ -41,9 +41,14 @@ def follow(path: Path, name: str, options: Mapping[str, str], limits: Limits, fo
     given = {key: value_of(text) for key, text in options.items() if text.strip()}
     section = checked(TrajectoryFile, {"file": name, **given}, "[trajectory]")
     found = read_apart(read_in_64_bits, path, name, section.given("file"), limits)
-    content = hashlib.sha256(b"".join(a.tobytes() for a in (found.time, found.position, found.quaternion)))
-    kept = save_trajectory(found, folder / f"trajectory-{content.hexdigest()[:_NAMED]}.npz")
+    kept = save_trajectory(found, folder / f"trajectory-{_digest(found)}.npz")
     return Followed(folder, kept.name, found.duration, found.origin)
+
+
+def _digest(of: Trajectory) -> str:
+    """Of all that the file has: results are kept by its name."""
+    arrays = of.time, of.position, of.velocity, of.quaternion
+    return hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()[:_NAMED]
 
 
 def read_in_64_bits(path: Path, **options: Any) -> Trajectory:

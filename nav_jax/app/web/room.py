@@ -12,7 +12,7 @@ from shiny import Inputs, reactive, render, ui
 
 import gmwm_jax as gj
 from gmwm_jax.app.web.computed import Outcome
-from gmwm_jax.app.web.jobs import Tell
+from gmwm_jax.app.web.jobs import BUSY, Tell
 from gmwm_jax.app.web.outputs import as_html, render_figure, status, text
 from gmwm_jax.app.web.report import archive
 from gmwm_jax.app.web.rooms.model import model_of
@@ -34,7 +34,6 @@ from nav_jax.lincov.derivatives import Sensitivities, sensitivities
 from nav_jax.lincov.filter_design import Design, design
 from nav_jax.simulation.comparison import Comparison
 
-BUSY = "This page computes already: cancel that first."
 NOTHING = "The covariance analysis is not there yet."
 _AT_ONCE = 16
 """Runs between two looks at how far they have come."""
@@ -57,7 +56,7 @@ class _Analysed(NamedTuple):
 
 def _server(input: Inputs, store: Store) -> None:
     jobs = store.jobs
-    visited = reactive.Value(False)
+    visited = reactive.Value(False, name="visited")
 
     @reactive.effect
     def _look() -> None:  # nothing is computed before somebody looks

@@ -113,7 +113,7 @@ STEPS = (
     Step(
         "What the example leaves out",
         "Initial errors and a constant bias are inputs here. Scale factors and axes that are not orthogonal are "
-        "errors of an IMU in Python (ImuErrors, deterministic); an anomaly of gravity is not modelled.",
+        "errors of an IMU in Python (ImuErrors, deterministic), a disturbance of gravity too (ImuErrors, gravity).",
         {"room": ROOM, **EMULATED, **NAMED["initial errors"], **NAMED["a constant bias"]},
         left_out,
     ),

@@ -111,7 +111,7 @@ def _server(input: Inputs, store: Store) -> None:
         except ValueError as error:
             ui.notification_show(str(error), type="error")
 
-    wrong: reactive.Value[str] = reactive.Value("")
+    wrong: reactive.Value[str] = reactive.Value("", name="wrong")
 
     @reactive.effect
     @reactive.event(input.page)

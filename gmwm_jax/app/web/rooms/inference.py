@@ -12,11 +12,10 @@ from shiny import Inputs, reactive, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web import figures, tables
 from gmwm_jax.app.web.computed import Outcome
-from gmwm_jax.app.web.jobs import Tell
+from gmwm_jax.app.web.jobs import BUSY, Tell
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import as_html, output_figure, render_figure, status
 from gmwm_jax.app.web.rooms import records
-from gmwm_jax.app.web.rooms.records import BUSY
 from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Same, Store

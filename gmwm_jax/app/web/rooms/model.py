@@ -217,7 +217,7 @@ def _server(input: Inputs, store: Store) -> None:
         ui.update_text("model", value=str(input.take())[:500])
 
     # tells of another fit only, so that fields that are being filled in stay as they are when any other input changes
-    present: reactive.Value[Any] = reactive.Value(None)
+    present: reactive.Value[Any] = reactive.Value(None, name="present")
 
     @reactive.effect
     def _present() -> None:

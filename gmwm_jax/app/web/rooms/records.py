@@ -10,13 +10,11 @@ from shiny import Inputs, reactive, render, ui
 import gmwm_jax as gj
 from gmwm_jax.app.web import figures
 from gmwm_jax.app.web.computed import Outcome
-from gmwm_jax.app.web.jobs import Tell
+from gmwm_jax.app.web.jobs import BUSY, Tell
 from gmwm_jax.app.web.outputs import output_figure, render_figure, status, text
 from gmwm_jax.app.web.rooms.model import model_of
 from gmwm_jax.app.web.state import State
 from gmwm_jax.app.web.store import Same, Store
-
-BUSY = "This page computes already: cancel that first."
 
 
 class _Joint(NamedTuple):

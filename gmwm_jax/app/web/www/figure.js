@@ -1,6 +1,12 @@
 // Draws the figures of the page, keeps its link, and tells sizes of files before they are sent.
 (function () {
   "use strict";
+  // the library of figures is large: the page is there, and the server at work, while the browser reads it
+  const library = document.querySelector("script[src*='plotly']");
+  const drawing = window.Plotly ? Promise.resolve() : new Promise(function (done, fail) {
+    library.addEventListener("load", done);
+    library.addEventListener("error", function () { fail(new Error("The library of figures did not load.")); });
+  });
   // the legend has as many lines as the width asks for: below the title of the lowest axis there is place for all
   function makePlace(el) {
     const legend = el.querySelector(".legend"), margin = el._fullLayout && el._fullLayout.margin;
@@ -17,8 +23,9 @@
     }
     async renderValue(el, message) {
       const state = el.parentElement.querySelector(".gmwm-state");
+      el.latest = message;
       if (!message) {
-        Plotly.purge(el); // with what listens to it
+        if (el.placed) Plotly.purge(el); // with what listens to it
         el.placed = false;
         el.removeAttribute("aria-label");
         el.removeAttribute("data-drawn");
@@ -32,6 +39,8 @@
         state.textContent = message.busy;
         return;
       }
+      await drawing;
+      if (el.latest !== message) return; // another one came while it was waited for
       const figure = JSON.parse(message.figure);
       const layout = figure.layout;
       const alt = (layout.meta && layout.meta.alt) || "";

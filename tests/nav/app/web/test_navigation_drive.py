@@ -52,3 +52,23 @@ def test_what_is_wrong_with_the_files_is_said(sent):
         navigate(sent[:2], Limits(), lambda done, total: None)
     with pytest.raises(ValueError, match="is no name of a file"):
         navigate([*sent, Sent("../x.csv", "x")], Limits(), lambda done, total: None)
+
+
+@pytest.mark.parametrize("name", ["imu.csv", "x" * 300, "a\0b"])
+def test_names_that_no_folder_can_have_are_refused_without_a_path(sent, tmp_path, name):
+    with pytest.raises(ValueError, match=r"Two files|no name of a file") as refused:
+        navigate([*sent, Sent(name, str(tmp_path / "0"))], Limits(), lambda done, total: None)
+    assert "/" not in str(refused.value)
+
+
+def test_a_configuration_has_a_largest_size(sent):
+    with open(sent[-1].path, "a") as file:
+        file.write("# x\n" * 300_000)
+    with pytest.raises(ValueError, match="the most of a configuration"):
+        navigate(sent, Limits(), lambda done, total: None)
+
+
+@pytest.mark.slow
+def test_what_takes_too_long_is_not_said_to_be_memory(sent):
+    with pytest.raises(ValueError, match="within 0 s of a processor"):
+        navigate(sent, Limits(job_seconds=0.0), lambda done, total: None)

@@ -21,7 +21,7 @@ from nav_jax.app.web.study import OWN, PAGE, RIGHT, config_of_text, tables_of, t
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors, sensor_errors
-from nav_jax.trajectory.files import to_geodetic
+from nav_jax.trajectory.files import save_trajectory, to_geodetic
 
 TEXT = {"nav_truth": "text", "nav_accel": "WN(sigma2=1e-4)", "nav_gyro": "WN(sigma2=1e-6)", "nav_rate": "20"}
 
@@ -109,6 +109,17 @@ def test_a_trajectory_that_is_sent_is_followed(tmp_path):
         follow(there, "drive.csv", {"angles": "gon"}, Limits(), kept)
     with pytest.raises(ValueError, match=r"\[trajectory\]"):
         follow(there, "drive.csv", {"position": "north"}, Limits(), kept)
+
+
+def test_trajectories_that_differ_in_velocities_have_other_names(tmp_path):
+    """Else what was computed of the one would be shown for the other."""
+    first = nj.motions.circle(duration=2.0, rate=20.0)
+    second = dataclasses.replace(first, velocity=first.velocity + 1e-3)
+    names = []
+    for k, trajectory in enumerate((first, second)):
+        there = save_trajectory(trajectory, tmp_path / f"{k}.npz")
+        names.append(follow(there, "drive.npz", {}, Limits(), tmp_path).name)
+    assert names[0] != names[1]
 
 
 def test_what_is_typed_is_what_is_computed():
