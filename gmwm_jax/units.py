@@ -4,7 +4,8 @@ Everything inside the package is SI (rad/s for gyros, m/s^2 for accelerometers).
 
 A *signal unit* u is ``rad/s``, ``m/s^2`` or ``1`` for sensors of another kind. A noise quantity has a
 unit derived from u: a white-noise density is u/sqrt(Hz), a random-walk density u/sqrt(s), quantisation u*s, a drift
-u/s. ``deg/sqrt(h)`` and ``rad/s/sqrt(Hz)`` are the same dimension (1/sqrt(Hz) = sqrt(s)).
+u/s, a temperature coefficient u/K. Ratios such as scale factors are in ``ppm`` or ``%``. ``deg/sqrt(h)`` and
+``rad/s/sqrt(Hz)`` are the same dimension (1/sqrt(Hz) = sqrt(s)).
 
 Densities are two-sided: white noise of variance sigma2 per sample at rate f has q = sigma2/f over (-f/2, f/2), as IEEE
 Std 952 and Kalman filters have it. A one-sided amplitude density sqrt(2 q) is larger by sqrt(2).
@@ -43,10 +44,11 @@ _ANGLES = {
     "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "mdeg": 1e-3 * _DEG, "arcmin": _DEG / 60,
     "arcsec": _DEG / 3600,
 }  # fmt: skip
-_SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1 / 3.6}
+_SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1 / 3.6, "ft/s": 0.3048}
 _ACCELERATIONS = {
     "m/s^2": 1.0, "mm/s^2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G, "mGal": 1e-5,
 }  # fmt: skip
+_FIELDS = {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "gauss": 1e-4, "mgauss": 1e-7}
 _TIMES = {"s": 1.0, "h": _HOUR}
 _LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
 
@@ -83,13 +85,22 @@ def _table() -> dict[str, Unit]:
     units["m/s^3/sqrt(Hz)"] = Unit("m/s^2/sqrt(s)", 1.0)
     for name, size in _LENGTHS.items():
         units[name] = Unit("m", size)
+    for name, size in _FIELDS.items():
+        units[name] = Unit("T", size)
     for name, size in {
         "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": _HOUR, "day": 86400.0,
     }.items():  # fmt: skip
         units[name] = Unit("s", size)
     for name, size in {"Hz": 1.0, "1/s": 1.0, "kHz": 1e3, "1/h": 1 / _HOUR}.items():
         units[name] = Unit("1/s", size)
-    units["1"] = Unit("1", 1.0)
+    for name, size in {"1": 1.0, "%": 1e-2, "ppm": 1e-6}.items():
+        units[name] = Unit("1", size)
+    # how a sensor depends on acceleration, and on temperature
+    units["rad/s/(m/s^2)"] = Unit("rad/s/(m/s^2)", 1.0)
+    units |= {f"{name}/g": Unit("rad/s/(m/s^2)", u.factor / _G) for name, u in units.items() if u.si == "rad/s"}
+    for kelvin in ("K", "degC"):
+        of_sensors = {name: u for name, u in units.items() if u.si in SI_SIGNALS}
+        units |= {f"{name}/{kelvin}": Unit(f"{u.si}/K", u.factor) for name, u in of_sensors.items()}
     return units
 
 
@@ -272,7 +283,7 @@ def of_column(name: str) -> tuple[str, str | None]:
         inner = (found[1] or found[2]).strip()
         written = _plain_unit(inner)
         known = written if written in UNITS else _words().get(plain_name(inner))
-        if known not in (None, "1") and plain_name(name[: found.start()]):
+        if known is not None and UNITS[known].si != "1" and plain_name(name[: found.start()]):
             return plain_name(name[: found.start()]), known
     plain = plain_name(name)
     for word, unit_name in _words().items():

@@ -56,6 +56,14 @@ PINNED = [
     ("1/h", "1/s", 1 / 3600),
     ("deg/min", "rad/s", DEG / 60),
     ("1", "1", 1.0),
+    ("%", "1", 0.01),
+    ("ppm", "1", 1e-6),
+    ("ft/s/sqrt(h)", "m/s^2/sqrt(Hz)", 0.3048 / 60),
+    ("deg/h/g", "rad/s/(m/s^2)", 4.94372370900905e-07),  # pi/180/3600/9.80665
+    ("deg/s/degC", "rad/s/K", DEG),
+    ("mg/K", "m/s^2/K", 9.80665e-3),
+    ("ppm/K", "1/K", 1e-6),
+    ("%/°C", "1/K", 0.01),
 ]
 
 SPELLINGS = [
@@ -135,7 +143,7 @@ def test_spellings(written, meant):
     assert unit(written) == UNITS[meant]
 
 
-@pytest.mark.parametrize("name", ["furlong", "", "deg/year", "Deg/h", "%", "sqrt(Hz)"])
+@pytest.mark.parametrize("name", ["furlong", "", "deg/year", "Deg/h", "%/h", "sqrt(Hz)"])
 def test_unknown_unit(name):
     with pytest.raises(ValueError, match=r"Unknown unit .* Known ones near it: ") as seen:
         unit(name)
