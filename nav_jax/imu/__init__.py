@@ -13,14 +13,31 @@ errors = nj.ImuErrors(
 )
 print(errors)
 ```
+
+A sensor as its datasheet has it is an `ImuSpecification`, of which `devices` are many; what is emulated of it and what
+a filter believes are both such errors:
+
+```python
+print(nj.devices)
+sheet = nj.devices["ADIS16405"]
+truth, believed = sheet.truth(100.0, effects=["range", "LSB"]), sheet.filter(100.0)
+print(sheet.open)
+```
 """
 
+from nav_jax.imu.datasheets import devices as devices
 from nav_jax.imu.deterministic import DETERMINISTIC as DETERMINISTIC
+from nav_jax.imu.deterministic import GSensitivity as GSensitivity
 from nav_jax.imu.deterministic import Misalignment as Misalignment
 from nav_jax.imu.deterministic import ScaleFactor as ScaleFactor
 from nav_jax.imu.errors import ImuErrors as ImuErrors
+from nav_jax.imu.gravity import GravityDisturbance as GravityDisturbance
 from nav_jax.imu.imu import Imu as Imu
 from nav_jax.imu.imu import NoisyReferenceWarning as NoisyReferenceWarning
 from nav_jax.imu.imu import perfect_imu as perfect_imu
+from nav_jax.imu.output import Output as Output
+from nav_jax.imu.output import SaturationWarning as SaturationWarning
 from nav_jax.imu.recorded import RecordedErrors as RecordedErrors
 from nav_jax.imu.samples import imu_of_samples as imu_of_samples
+from nav_jax.imu.specification import ImuSpecification as ImuSpecification
+from nav_jax.imu.vibration import VibrationNoise as VibrationNoise

@@ -7,6 +7,8 @@ of a state over a step is then a finite sum and its discretisation exact, withou
 
 and `step_noise` adds up the weights of x_0 in y and the covariances of the noise in y and x, sample by sample. White
 noise has the density r/f, also over a part of a sample (where a fix lies between two samples).
+
+States of gravity move with the distance travelled (`Travel`), in which a step is short: over it they are held.
 """
 
 from functools import cache
@@ -20,7 +22,16 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from nav_jax.imu.channels import CHANNELS, SensorState
+from nav_jax.imu.channels import CHANNELS, GRAVITY, SensorState
+
+
+class Travel(NamedTuple):
+    """States that fade with the distance travelled s, by exp(-s/D), and are driven back to their variance."""
+
+    inverse: Float[Array, "*Q M"]
+    """1/D in 1/m; 0 for a state that does not."""
+    variance: Float[Array, "*Q M"]
+    """That they are driven to; 0 for a state that nothing drives."""
 
 
 class SensorBank(eqx.Module):
@@ -39,6 +50,8 @@ class SensorBank(eqx.Module):
     states: tuple[SensorState, ...] = eqx.field(static=True)
     diagonal: bool = eqx.field(static=True)
     """Does every state go its own way? Then products with Phi are elementwise."""
+    travel: Travel | None = None
+    """None where no state moves with the distance."""
 
     @property
     def channels(self) -> tuple[int, ...]:
@@ -80,12 +93,25 @@ class SensorBank(eqx.Module):
         # errors are multiples of what is sensed: once more, and what is left is of third order in them
         return sample - self.errors(x, sample - self.errors(x, sample))
 
-    def advance(self, x: Float[Array, "M R"], ends: Float[Array, ""]) -> Float[Array, "M R"]:
-        """Phi x where a sample ends (1), x where it does not (0)."""
+    def gravity(self, x: Float[Array, "M R"]) -> Float[Array, "3 R"]:
+        """What gravity is more than that of the Earth's model, in n."""
+        return by_channel(self.channels, self.readout[:, None] * x, of=GRAVITY)
+
+    def advance(
+        self, x: Float[Array, "M R"], ends: Float[Array, ""], distance: Float[Array, " *R"] | None = None
+    ) -> Float[Array, "M R"]:
+        """Phi x where a sample ends (1), x where it does not (0), after a distance that is asked for if states fade."""
+        if self.travel is not None:
+            x = self.fading(distance) * x
         if self.diagonal:
             phi = jnp.diag(self.transition)
             return (1.0 + ends * (phi - 1.0))[:, None] * x
         return x + ends * (self.transition @ x - x)
+
+    def fading(self, distance: Any) -> Float[Array, "M _"]:
+        """What is left of each state after a distance, of R runs or one for all."""
+        assert self.travel is not None
+        return jnp.exp(-self.travel.inverse[:, None] * jnp.atleast_1d(distance)[None])
 
 
 class StepNoise(eqx.Module):
@@ -110,13 +136,31 @@ class StepNoise(eqx.Module):
     diagonal: bool = eqx.field(static=True)
     several: bool = eqx.field(static=True)
     """More than one sample in a step."""
+    travel: Travel | None = None
+    """Arrays (M, Q)."""
 
-    def integrate(self, X: Float[Array, "M K R"], reading: Float[Array, "ch _"] | None) -> Float[Array, "ch K R"]:
-        """Weighted sum over the states of each channel; `reading` is the mean of the step, if states depend on it."""
+    def after(self, distance: Float[Array, " _"] | None) -> "StepNoise":
+        """The same where the states that do fade with a distance, which Q banks or one travel."""
+        if self.travel is None or distance is None:
+            return self
+        s = self.travel.inverse * distance[None]
+        left, new = jnp.exp(-s), -jnp.expm1(-2 * s) * self.travel.variance
+        M = len(self.states)
+        driving = self.driving * (left[:, None] * left[None]) + jnp.eye(M)[:, :, None] * new[None]
+        transition = self.transition * (left if self.diagonal else left[:, None])
+        return eqx.tree_at(lambda n: (n.transition, n.driving), self, (transition, driving))
+
+    def integrate(self, X: Float[Array, "M K R"], reading: Float[Array, "ch _"] | None) -> Float[Array, "_ K R"]:
+        """Weighted sum over the states of each channel, and behind the six those of gravity if there are such states.
+
+        `reading` is the mean of the step, if states depend on it.
+        """
         weights = self.weights
         if any(s.reads is not None for s in self.states):
             weights = weights * multiples(self.states, reading)
-        return by_channel(tuple(s.channel for s in self.states), weights[:, None] * X)
+        channels, each = tuple(s.channel for s in self.states), weights[:, None] * X
+        of_imu = by_channel(channels, each)
+        return of_imu if self.travel is None else jnp.concatenate([of_imu, by_channel(channels, each, of=GRAVITY)])
 
     def carry(self, S: Float[Array, "J M R"]) -> Float[Array, "J M R"]:
         """S Phi'."""
@@ -139,14 +183,19 @@ def multiples(states: tuple[SensorState, ...], sensed: Any) -> Float[Array, "M R
     return jnp.concatenate([one, sensed])[at]
 
 
-def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"]) -> Float[Array, "ch *K"]:
-    """Sum over the states of each channel; 0 for a channel without state. States of `NO_CHANNEL` are left out."""
+IMU = tuple(range(len(CHANNELS)))
+"""The channels of an IMU."""
+
+
+def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"], of: tuple[int, ...] = IMU) -> Float[Array, "_ *K"]:
+    """Sum over the states of each of consecutive channels; 0 for one without state. Other states are left out."""
     rest = X.shape[1:]
-    total = jnp.zeros((len(CHANNELS), *rest), X.dtype)
-    for run in _runs(channels):
+    total = jnp.zeros((len(of), *rest), X.dtype)
+    for run in _runs(channels, of):
         # channels with as many states each, one after the other: one slice, whose gradient is one padded array
         part = jnp.sum(X[run.start : run.stop].reshape(run.channels, -1, *rest), axis=1)
-        total = total.at[run.first : run.first + run.channels].add(part)
+        first = run.first - of[0]
+        total = total.at[first : first + run.channels].add(part)
     return total
 
 
@@ -159,8 +208,8 @@ class _Run(NamedTuple):
 
 
 @cache
-def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
-    """States start .. stop that belong to consecutive channels, with as many states each."""
+def _runs(channels: tuple[int, ...], of: tuple[int, ...]) -> tuple[_Run, ...]:
+    """States start .. stop that belong to consecutive ones of some channels, with as many states each."""
     counts = [(c, len(list(same))) for c, same in groupby(channels)]
     runs: list[_Run] = []
     at = 0
@@ -168,7 +217,8 @@ def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
         last = runs[-1] if runs else None
         if (
             last
-            and last.first >= 0
+            and channel in of
+            and last.first in of
             and channel == last.first + last.channels
             and (last.stop - last.start) == count * last.channels
         ):
@@ -176,7 +226,7 @@ def _runs(channels: tuple[int, ...]) -> tuple[_Run, ...]:
         else:
             runs.append(_Run(at, at + count, channel, 1))
         at += count
-    return tuple(r for r in runs if r.first >= 0)
+    return tuple(r for r in runs if r.first in of)
 
 
 def alone(bank: Any) -> Any:
@@ -208,7 +258,8 @@ def step_noise(banks: SensorBank, dt: Float[Array, " n"], ends: Float[Array, " n
     spread = jnp.sum(dt * (T - middle) ** 2) * inverse - T**2 / 2
     parts = jax.vmap(lambda bank: _accumulate(bank, dt, ends), out_axes=-1)(banks)
     return StepNoise(
-        T, inverse, *parts, spread, states=banks.states, diagonal=banks.diagonal, several=len(dt) > 1
+        T, inverse, *parts, spread, states=banks.states, diagonal=banks.diagonal, several=len(dt) > 1,
+        travel=jax.tree.map(jnp.transpose, banks.travel),
     )  # fmt: skip
 
 

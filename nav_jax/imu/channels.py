@@ -5,15 +5,20 @@ from typing import NamedTuple
 CHANNELS = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
 """The six sensitive axes of an IMU, in the order of every array of sensor errors."""
 
+GRAVITY = (6, 7, 8)
+"""Channels of states that are gravity along n: no axis of the IMU reads them, but a mechanisation does."""
+
 NO_CHANNEL = -1
 """Channel of a state that no axis of the IMU reads, such as one of an aiding sensor."""
+
+_NAMES = (*CHANNELS, "gravity n", "gravity e", "gravity d")
 
 
 class SensorState(NamedTuple):
     """One state of a sensor error model."""
 
     channel: int
-    """Position in `CHANNELS`, or `NO_CHANNEL`."""
+    """Position in `CHANNELS`, one of `GRAVITY`, or `NO_CHANNEL`."""
     label: str
     """The process, as `GM_1`."""
     in_filter: bool = True
@@ -22,5 +27,10 @@ class SensorState(NamedTuple):
     reads: int | None = None
     """The channel of whose reading its effect is a multiple; None where its effect is the same at all times."""
 
+    @property
+    def is_of_imu(self) -> bool:
+        """Does an axis of the IMU read it?"""
+        return 0 <= self.channel < len(CHANNELS)
+
     def __str__(self) -> str:
-        return self.label if self.channel == NO_CHANNEL else f"{CHANNELS[self.channel]} {self.label}"
+        return self.label if self.channel == NO_CHANNEL else f"{_NAMES[self.channel]} {self.label}"

@@ -4,13 +4,14 @@ A calibration leaves them unknown by so much. They are drawn for every run, and 
 that does not move, of which an axis of the IMU reads a multiple, by the reading of this axis or of another.
 
     sensed_i = (1 + s_i) u_i + sum_j m_ij u_j        scale factors s, misalignments m, for accelerometers and gyros
+    sensed_i = u_i + sum_j g_ij f_j                  g-sensitivities g of gyros, by the specific force f
 
 One more kind is a class here and a row of `DETERMINISTIC`.
 """
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -43,6 +44,9 @@ class AbstractDeterministic(eqx.Module):
     ValueError
         A negative standard deviation, or another number of them.
     """
+
+    label: ClassVar[str]
+    """The first word of the labels of its states."""
 
     sd: Float[Array, " ch"]
     present: tuple[bool, ...] = eqx.field(static=True)
@@ -82,8 +86,10 @@ class ScaleFactor(AbstractDeterministic):
     6
     """
 
+    label: ClassVar[str] = "scale"
+
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
-        yield Constant(SensorState(channel, "scale", reads=channel), self.sd[channel])
+        yield Constant(SensorState(channel, self.label, reads=channel), self.sd[channel])
 
 
 class Misalignment(AbstractDeterministic):
@@ -97,15 +103,55 @@ class Misalignment(AbstractDeterministic):
     6
     """
 
+    label: ClassVar[str] = "misalignment"
+
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
         first = channel - channel % 3
         for other in range(first, first + 3):
             if other != channel:
-                name = f"misalignment {CHANNELS[other].split()[1]}"
+                name = f"{self.label} {_axis(other)}"
                 yield Constant(SensorState(channel, name, reads=other), self.sd[channel])
 
 
-DETERMINISTIC: dict[str, type[AbstractDeterministic]] = {"scale_factor": ScaleFactor, "misalignment": Misalignment}
+class GSensitivity(AbstractDeterministic):
+    """A gyro reads g_j times the specific force on each accelerometer: nine constants.
+
+    Parameters
+    ----------
+    gyro_sd
+        Standard deviation of each, one number or three (gyro x, y, z), in (rad/s)/(m/s^2). 1 deg/h/g is
+        4.94e-7 of them.
+
+    Raises
+    ------
+    ValueError
+        A negative standard deviation, or another number of them.
+
+    Examples
+    --------
+    >>> bent = nj.imu.GSensitivity(gyro_sd=np.deg2rad(10.0) / 3600 / 9.80665)  # 10 deg/h/g
+    >>> errors = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0, deterministic=[bent])
+    >>> len(errors.bank().states)  # each gyro reads a little of three accelerometers
+    9
+    """
+
+    label: ClassVar[str] = "g-sensitivity"
+
+    def __init__(self, gyro_sd: Any):
+        super().__init__(gyro_sd=gyro_sd)
+
+    def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
+        for force in range(3):
+            yield Constant(SensorState(channel, f"{self.label} {_axis(force)}", reads=force), self.sd[channel])
+
+
+def _axis(channel: int) -> str:
+    return CHANNELS[channel].split()[1]
+
+
+DETERMINISTIC: dict[str, type[AbstractDeterministic]] = {
+    "scale_factor": ScaleFactor, "misalignment": Misalignment, "g_sensitivity": GSensitivity
+}  # fmt: skip
 """By the names that configuration files know them by: one row a kind."""
 
 
@@ -113,5 +159,6 @@ class _State(NamedTuple):
     sd: Float64[np.ndarray, "6"]
 
 
-for _cls in DETERMINISTIC.values():
+for _cls in (ScaleFactor, Misalignment):
     register(_cls, _State, lambda d: _State(np.asarray(d.sd)), lambda state, cls=_cls: cls(state.sd[:3], state.sd[3:]))
+register(GSensitivity, _State, lambda d: _State(np.asarray(d.sd)), lambda state: GSensitivity(state.sd[3:]))

@@ -24,8 +24,10 @@ from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import draw
+from nav_jax.imu.output import Memory, Output
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics.linalg import factor, root
+from nav_jax.kinematics.rotation import rotate_back
 
 
 class AbstractErrors(eqx.Module):
@@ -51,6 +53,11 @@ class AbstractErrors(eqx.Module):
     @abstractmethod
     def sample(self, carry: Any, given: Any) -> Float[Array, "ch R"]:
         """All errors of the sample that begins now, or goes on."""
+
+    def mean(self, carry: Any, given: Any, counts: Float[np.ndarray, " W"]) -> Float[Array, "W ch R"]:
+        """Errors of means over so many samples about now: what lasts, and as much less of what does not."""
+        lasting = self.lasting(carry, given)[None]
+        return lasting + (self.sample(carry, given)[None] - lasting) / np.sqrt(counts)[:, None, None]
 
 
 class AtEnd(NamedTuple):
@@ -82,6 +89,15 @@ class GivenErrors(AbstractErrors):
         return given.sample
 
 
+class Path(NamedTuple):
+    """The true motion over samples, where errors depend on it."""
+
+    distance: Float[Array, "*N"]
+    """Travelled along the horizon, m."""
+    quaternion: Float[Array, "*N 4"]
+    """In the middle."""
+
+
 class Beside(NamedTuple):
     """What errors are made of besides states that have the same effect at all times."""
 
@@ -89,6 +105,8 @@ class Beside(NamedTuple):
     """Errors of the processes without a state."""
     sensed: Float[Array, "*M ch"] | None
     """Perfect samples, where the effect of states depends on them."""
+    path: Path | None = None
+    """Of the samples, where gravity has states."""
 
 
 class DrawnErrors(AbstractErrors):
@@ -121,22 +139,27 @@ class DrawnErrors(AbstractErrors):
         size = len(self.bank.states)
 
         def piece(carry, inputs):
-            end, sensed = inputs
+            end, sensed, path = inputs
             # All is made a sample ahead: a carry is computed once, and not once in every expression that uses it.
             x, errors, t, e = carry
             noise = e.astype(x.dtype)
             driven = self.gain[:, None] * noise[:size] if self.bank.diagonal else self.gain @ noise[:size]
-            x = self.bank.advance(x, end) + end * driven
+            if path is None:
+                x = self.bank.advance(x, end) + end * driven
+            else:
+                x = self.bank.advance(x, end, end * path.distance) + end * (driven + self._met(path, noise[:size]))
             following = jnp.where(end > 0, self.bank.steady(x) + self.white * noise[size:], errors)
             t = t + end.astype(t.dtype)
             now = errors if sensed is None else errors + self.bank.changing(carry[0], sensed[:, None])
+            if path is not None:
+                now = now.at[:3].add(self._weight(path, carry[0]))
             return (x, following, t, self._normals(t)), now
 
         if len(ends) == 1:
-            carry, errors = piece(carry, jax.tree.map(lambda a: a[0], (ends, given.sensed)))
+            carry, errors = piece(carry, jax.tree.map(lambda a: a[0], (ends, given.sensed, given.path)))
             errors = errors[None]
         else:
-            carry, errors = jax.lax.scan(piece, carry, (ends, given.sensed))
+            carry, errors = jax.lax.scan(piece, carry, (ends, given.sensed, given.path))
         return carry, errors if given.stateless is None else errors + given.stateless
 
     def lasting(self, carry: Any, given: Beside) -> Float[Array, "ch R"]:
@@ -146,7 +169,63 @@ class DrawnErrors(AbstractErrors):
     def sample(self, carry: Any, given: Beside) -> Float[Array, "ch R"]:
         """Those of the carry."""
         errors = carry[1] if given.sensed is None else carry[1] + self.bank.changing(carry[0], given.sensed[:, None])
+        if given.path is not None:
+            errors = errors.at[:3].add(self._weight(given.path, carry[0]))
         return errors if given.stateless is None else errors + given.stateless
+
+    def _weight(self, path: Path, x: Array) -> Float[Array, "3 R"]:
+        """What accelerometers feel of gravity that is larger by its states: less, along b."""
+        return -rotate_back(path.quaternion[:, None], self.bank.gravity(x))
+
+    def _met(self, path: Path, noise: Array) -> Array:
+        """What drives states that fade with the distance, over a sample."""
+        assert self.bank.travel is not None
+        inverse, variance = self.bank.travel
+        return root(-jnp.expm1(-2 * inverse * path.distance) * variance)[:, None] * noise
+
+
+class SaidErrors(AbstractErrors):
+    """Errors of what an IMU says: behind its output, which has a sample with its errors, less the perfect sample."""
+
+    inner: AbstractErrors
+    """Errors of what it senses."""
+    output: Output
+    first: Float[Array, "ch R"]
+    """First sample, with these errors."""
+    per_step: tuple[Any, Float[Array, "M G n ch"]]
+    per_segment: tuple[Any, Float[Array, "M ch"]]
+    """What the inner errors are given, and perfect samples."""
+    rate: float = eqx.field(static=True)
+
+    def begin(self) -> Any:
+        """That of the inner errors, and the memory of the output."""
+        return self.inner.begin(), self.output.begin(self.first, self.rate)
+
+    def step(self, carry: Any, ends: Float[Array, " n"], given: Any) -> tuple[Any, Float[Array, "n ch R"]]:
+        """The next samples, one after the other."""
+        inner, memory = carry
+        of_inner, sensed = given
+        inner, errors = self.inner.step(inner, ends, of_inner)
+
+        def piece(memory: Memory, inputs: Any) -> tuple[Memory, Array]:
+            end, sensed, errors = inputs
+            after, said = self.output.read(memory, sensed[:, None] + errors, self.rate)
+            # a sample of which only a part is over is read again
+            memory = jax.tree.map(lambda new, old: jnp.where(end > 0, new, old), after, memory)
+            return memory, said - sensed[:, None]
+
+        memory, said = jax.lax.scan(piece, memory, (ends, sensed, errors))
+        return (inner, memory), said
+
+    def lasting(self, carry: Any, given: Any) -> Float[Array, "ch R"]:
+        """That of the inner errors."""
+        return self.inner.lasting(carry[0], given[0])
+
+    def sample(self, carry: Any, given: Any) -> Float[Array, "ch R"]:
+        """What is said of the sample that begins now, less the perfect one."""
+        of_inner, sensed = given
+        errors = self.inner.sample(carry[0], of_inner)
+        return self.output.read(carry[1], sensed[:, None] + errors, self.rate)[1] - sensed[:, None]
 
 
 class SlicedErrors(AbstractErrors):
@@ -177,6 +256,12 @@ class SlicedErrors(AbstractErrors):
         """That of the recording."""
         return self.record.at[carry + self.first].get(mode="clip").T
 
+    def mean(self, carry: Array, given: None, counts: Float[np.ndarray, " W"]) -> Float[Array, "W ch R"]:
+        """Those of the recording, in the middle of so many samples."""
+        spans = [np.arange(round(n)) - round(n) // 2 for n in counts]
+        found = (self.record.at[carry + self.first + s[:, None]].get(mode="clip").mean(axis=0).T for s in spans)
+        return jnp.stack(list(found))
+
 
 def stream(key: Key[Array, ""], name: str) -> Key[Array, ""]:
     """The key of a named stream of random numbers."""
@@ -189,6 +274,7 @@ def emulate(
     num_samples: int,
     ends: Float[Array, "M G n"],
     sensed: tuple[Float[Array, "M G n ch"], Float[Array, "M ch"]] | None = None,
+    path: Path | None = None,
 ) -> AbstractErrors:
     """Errors of R runs of N samples.
 
@@ -203,19 +289,30 @@ def emulate(
     ends
         1 where a piece ends its sample.
     sensed
-        Perfect samples of the pieces, and at the ends of segments: for errors that depend on what is sensed.
+        Perfect samples of the pieces, and at the ends of segments: for errors that depend on what is sensed, and for
+        an output.
+    path
+        The true motion over the N samples: for gravity that depends on where one is.
 
     Raises
     ------
     ValueError
-        A recording is shorter than N; errors depend on what is sensed, and that is not given.
+        A recording is shorter than N; errors depend on what is sensed, or on the way, and that is not given.
     """
     if isinstance(errors, RecordedErrors):
         return _sliced(errors, keys, num_samples)
+    if errors.output is not None:
+        if sensed is None:
+            raise ValueError("What an output does to a sample depends on what is sensed: give the perfect samples.")
+        inner = emulate(errors.sensed, keys, num_samples, ends, sensed, path)
+        return _said(inner, errors.output, errors.rate, ends, sensed)
     bank = errors.bank()
     if bank.depends and sensed is None:
-        raise ValueError("Scale factors and misalignments depend on what is sensed: give the perfect samples.")
+        raise ValueError("Errors that are no noise depend on what is sensed: give the perfect samples.")
+    if bank.travel is not None and path is None:
+        raise ValueError("A disturbance of gravity depends on the way travelled: give the path.")
     perfect = sensed if bank.depends and sensed is not None else (None, None)
+    paths = (None, None) if bank.travel is None or path is None else _along(path, ends)
     words = counter_keys(jax.vmap(lambda k: stream(k, "imu"))(keys))
     per_step, per_segment = _stateless(errors, keys, num_samples, ends)
     names = [str(state) for state in bank.states] + [f"{channel} white" for channel in CHANNELS]
@@ -230,9 +327,28 @@ def emulate(
         x=x,
         total=bank.steady(x) + white * deviation[size:],
         keys=words,
-        per_step=Beside(per_step, perfect[0]),
-        per_segment=Beside(per_segment, perfect[1]),
+        per_step=Beside(per_step, perfect[0], paths[0]),
+        per_segment=Beside(per_segment, perfect[1], paths[1]),
         streams=tuple(_number(n) for n in names),
+    )
+
+
+def _said(
+    inner: AbstractErrors,
+    output: Output,
+    rate: float,
+    ends: Float[Array, "M G n"],
+    sensed: tuple[Float[Array, "M G n ch"], Float[Array, "M ch"]],
+) -> SaidErrors:
+    """These errors behind an output."""
+    _, errors = inner.step(inner.begin(), ends[0, 0], jax.tree.map(lambda a: a[0, 0], inner.per_step))
+    return SaidErrors(
+        inner=inner,
+        output=output,
+        first=sensed[0][0, 0, 0][:, None] + errors[0],
+        per_step=(inner.per_step, sensed[0]),
+        per_segment=(inner.per_segment, sensed[1]),
+        rate=rate,
     )
 
 
@@ -254,6 +370,14 @@ def write_out(errors: AbstractErrors, ends: Float[Array, "M G n"]) -> GivenError
 
 def _number(name: str) -> int:
     return zlib.crc32(name.encode())
+
+
+def _along(path: Path, ends: Float[Array, "M G n"]) -> tuple[Path, Path]:
+    """The path of the sample of each piece, and of those that begin at the ends of segments, or go on there."""
+    sample = (jnp.cumsum(ends) - ends.ravel()).astype(int).reshape(ends.shape)
+    after = jnp.cumsum(ends.sum(axis=(1, 2))).astype(int)
+    of_pieces, at_ends = (Path(*(a.at[at].get(mode="clip") for a in path)) for at in (sample, after))
+    return of_pieces, at_ends
 
 
 def _stateless(

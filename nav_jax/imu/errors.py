@@ -20,17 +20,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64
 
-from gmwm_jax import Composite, datasets, read_recording
+from gmwm_jax import QN, WN, Composite, datasets, read_recording
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import as_float, concrete, of_kind, positive, sampling_rate
 from gmwm_jax._internal.host import compiled_quickly, known, namespace
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import AbstractProcess, StateSpace, from_continuous, to_continuous
-from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.bank import SensorBank, Travel
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.deterministic import AbstractDeterministic, Constant
+from nav_jax.imu.gravity import GravityDisturbance
 from nav_jax.imu.noise_models import as_model, block_diagonal, complete_form, constant_form, states_in_filter
+from nav_jax.imu.output import Output
 from nav_jax.imu.recorded import RecordedErrors
 
 
@@ -48,11 +50,16 @@ class ImuErrors(eqx.Module):
         Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three. A filter has a
         state for each that is not zero; for a traced one, of which nobody knows whether it is, always.
     deterministic
-        Constants of the unit that a calibration has left unknown, such as `ScaleFactor` and `Misalignment`.
+        Constants of the unit that a calibration has left unknown: `ScaleFactor`, `Misalignment`, `GSensitivity`.
+    gravity
+        What gravity is other than the Earth's, which accelerometers feel: a `GravityDisturbance`; none if not given.
     start
         ``stationary``: every process starts from its stationary distribution, if it has one (a random walk starts with
         its first step). ``zero``: all states are zero before the first sample, so that this is their first innovation,
         as in R's navigation; but for what is nothing else than its start: a drift, a sinusoid, a turn-on bias.
+    output
+        Bandwidth, range and step of what is said. All of it is emulated; a filter, and a covariance, takes the step for
+        the noise that it is.
 
     Raises
     ------
@@ -78,8 +85,10 @@ class ImuErrors(eqx.Module):
     """Channels with a turn-on bias."""
     deterministic: tuple[AbstractDeterministic, ...]
     """Errors that are no noise."""
+    gravity: GravityDisturbance | None
     rate: float = eqx.field(static=True)
     start: str = eqx.field(static=True)
+    output: Output | None
 
     def __init__(
         self,
@@ -90,7 +99,9 @@ class ImuErrors(eqx.Module):
         accel_bias_sd: Any = 0.0,
         gyro_bias_sd: Any = 0.0,
         deterministic: Sequence[Any] = (),
+        gravity: GravityDisturbance | None = None,
         start: str = "stationary",
+        output: Output | None = None,
     ):
         given = [*_per_axis("accel", accel), *_per_axis("gyro", gyro)]
         rates = {float(r) for r in (getattr(m, "rate", None) for m in given) if r is not None}
@@ -112,8 +123,19 @@ class ImuErrors(eqx.Module):
         self.deterministic = tuple(deterministic)
         for d in self.deterministic:
             of_kind("An error that is no noise", d, AbstractDeterministic)
+        for channel in range(len(CHANNELS)):
+            states = [str(c.state) for c in self.constants(channel)]
+            if len(set(states)) < len(states):
+                kinds = ", ".join(type(d).__name__ for d in self.deterministic)
+                raise ValueError(f"Two errors have the same constants ({kinds}): give one of a kind for a sensor.")
+        if output is not None:
+            of_kind("The output", output, Output)
+        if gravity is not None:
+            of_kind("gravity", gravity, GravityDisturbance)
+        self.gravity = gravity
         self.rate = rates.pop()
         self.start = start
+        self.output = output
 
     def at_rate(self, rate: Real) -> "ImuErrors":
         """Return the same physical noise, that is the same continuous-time densities, sampled at another rate.
@@ -133,8 +155,26 @@ class ImuErrors(eqx.Module):
             accel_bias_sd=bias_sd[:3],
             gyro_bias_sd=bias_sd[3:],
             deterministic=self.deterministic,
+            gravity=self.gravity,
             start=self.start,
+            output=self.output,
         )
+
+    @property
+    def sensed(self) -> "ImuErrors":
+        """Those of the sensing element, without what its output does to them."""
+        return self if self.output is None else eqx.tree_at(lambda e: e.output, self, None)
+
+    @property
+    def linear(self) -> "ImuErrors":
+        """The same, with noise in place of the rounding of the output, and nothing in place of the rest."""
+        if self.output is None or not self.output.is_rounded:
+            return self.sensed
+        # of increments the error is the difference of two roundings, else a rounding
+        kind = QN if self.output.increments else WN
+        variances = self.output.rounding(self.rate)
+        models = tuple(_noisier(m, kind, v) for m, v in zip(self.models, variances, strict=True))
+        return eqx.tree_at(lambda e: e.models, self.sensed, models)
 
     def bank(self, *, complete: bool = False) -> SensorBank:
         """Return the states of a filter, or of an emulation, that knows this model.
@@ -168,7 +208,7 @@ class ImuErrors(eqx.Module):
     def notes(self) -> tuple[str, ...]:
         """Return what a filter that believes this model leaves out, in a sentence each."""
         notes = []
-        for channel, model in zip(CHANNELS, self.models, strict=True):
+        for channel, model in zip(CHANNELS, self.linear.models, strict=True):
             for process in model.processes:
                 if states_in_filter(process) is not None:
                     continue
@@ -195,7 +235,7 @@ class ImuErrors(eqx.Module):
         sd = concrete(self.bias_sd)
         if sd is not None and sd.any():
             lines.append(f"  turn-on bias, sd: accel {sd[:3]} m/s^2, gyro {sd[3:]} rad/s")
-        lines += [f"  {d!r}" for d in self.deterministic]
+        lines += [f"  {d!r}" for d in (*self.deterministic, self.gravity, self.output) if d is not None]
         return "\n".join(lines)
 
 
@@ -205,10 +245,14 @@ class _State(NamedTuple):
     deterministic: tuple[AbstractDeterministic, ...]
     rate: float
     start: str
+    output: Output | None = None
+    gravity: GravityDisturbance | None = None
 
 
 def _to_state(errors: ImuErrors) -> _State:
-    return _State(errors.models, np.asarray(errors.bias_sd), errors.deterministic, errors.rate, errors.start)
+    bias_sd = np.asarray(errors.bias_sd)
+    rest = errors.rate, errors.start, errors.output, errors.gravity
+    return _State(errors.models, bias_sd, errors.deterministic, *rest)
 
 
 def _from_state(state: _State) -> ImuErrors:
@@ -219,16 +263,19 @@ def _from_state(state: _State) -> ImuErrors:
         accel_bias_sd=state.bias_sd[:3],
         gyro_bias_sd=state.bias_sd[3:],
         deterministic=state.deterministic,
+        gravity=state.gravity,
         start=state.start,
+        output=state.output,
     )
 
 
-register(ImuErrors, _State, _to_state, _from_state)
+register(ImuErrors, _State, _to_state, _from_state, added=("output", "gravity"))
 
 
 @compiled_quickly(static_argnums=(1,))
 def _bank(errors: ImuErrors, complete: bool = False) -> SensorBank:
     """See `ImuErrors.bank`: one program for all models of one structure, and none where it is part of another."""
+    errors = errors.linear
     forms: list[StateSpace] = []
     states: list[SensorState] = []
     white = [jnp.zeros(())] * len(CHANNELS)
@@ -249,6 +296,13 @@ def _bank(errors: ImuErrors, complete: bool = False) -> SensorBank:
             states.append(SensorState(channel, "bias"))
         states += [c.state for c in errors.constants(channel)]
         forms += [constant_form(c.sd) for c in errors.constants(channel)]
+    travel = None
+    if errors.gravity is not None and errors.gravity.axes:
+        at, size = jnp.array(errors.gravity.axes), sum(len(f.readout) for f in forms)
+        sd, none = errors.gravity.sd[at], jnp.zeros(size)
+        states += errors.gravity.states
+        forms += [constant_form(x) for x in sd]
+        travel = Travel(*(jnp.concatenate([none, a]) for a in (1 / errors.gravity.distance[at], sd**2)))
     return SensorBank(
         transition=block_diagonal([f.transition for f in forms]),
         driving=block_diagonal([f.driving for f in forms]),
@@ -258,6 +312,7 @@ def _bank(errors: ImuErrors, complete: bool = False) -> SensorBank:
         rate=as_float(errors.rate),
         states=tuple(states),
         diagonal=all(len(f.readout) <= 1 for f in forms),  # white noise has no state
+        travel=travel,
     )
 
 
@@ -367,6 +422,13 @@ def _three(name: str, value: Any) -> Float[Array | np.ndarray, "3"]:
     if value.shape not in ((), (3,)):
         raise ValueError(f"{name} is one number or three, and has the shape {value.shape}.")
     return namespace(value).broadcast_to(value, (3,))
+
+
+def _noisier(model: Composite, kind: type[WN] | type[QN], variance: Any) -> Composite:
+    """A model with so much more of a noise that has one parameter, and of which there may be one."""
+    same = [p for p in model.processes if isinstance(p, kind)]
+    rest = [p for p in model.processes if not isinstance(p, kind)]
+    return Composite([kind(variance + sum(p.amplitude for p in same)), *rest])
 
 
 def resampled(model: Composite, old: Real, new: Real) -> Composite:

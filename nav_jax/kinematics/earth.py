@@ -41,7 +41,7 @@ class AbstractEarth(eqx.Module):
     """Whether the height is minus the third component of a position."""
     is_vast: ClassVar[bool] = False
     """Whether the gradient of gravity is the same for as far as a vehicle comes in a segment of a run, ten seconds at
-    most: loops then ask for gravity and its gradient once a segment."""
+    most: loops then ask for gravity and its gradient once a segment, and let covariances feel both and the rate so."""
 
     @abc.abstractmethod
     def gravity_n(self, position: Vector) -> Vector:
@@ -139,6 +139,11 @@ class EarthInLoops(eqx.Module):
         self.earth = earth
         self.constant = earth.gravity_n(origin) if earth.is_uniform else None
         self.rate = earth.rate_n(origin) if earth.is_turning else None
+
+    @property
+    def by_segment(self) -> bool:
+        """Do errors feel the gradient of gravity and the rate once a segment, and not at every step?"""
+        return self.earth.is_vast
 
     def gravity(
         self, position: Float[Array, "3 R"], velocity: Float[Array, "3 R"], dt: Float[Array, ""], pull: Pull | None

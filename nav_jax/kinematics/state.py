@@ -2,9 +2,10 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from nav_jax.kinematics.rotation import rotate_back
+from nav_jax.kinematics.rotation import rotate, rotate_back
 
 
 class NavState(NamedTuple):
@@ -27,6 +28,21 @@ class BodyMotion(NamedTuple):
     """Specific force in b, m/s^2."""
     rate: Float[Array, "3 R"]
     """Body rate relative to n, in b, rad/s."""
+    means: Float[Array, "W ch R"] | None = None
+    """Mean specific forces and body rates in the windows that a sensor asks for, along b at the epoch."""
+    fall: Float[Array, "3 _"] | None = None
+    """Acceleration in n without a specific force, m/s^2: that of gravity and of Coriolis. Goes with the means."""
+
+    def moved(self, force: Float[Array, "3 R"], rate: Float[Array, "3 R"]) -> "BodyMotion":
+        """With so much more of both."""
+        means = None if self.means is None else self.means + jnp.concatenate([force, rate])[None]
+        return BodyMotion(self.force + force, self.rate + rate, means, self.fall)
+
+    def acceleration(self, q: Float[Array, "4 R"], window: int) -> Float[Array, "3 R"]:
+        """Mean acceleration in n in a window, m/s^2, of a body with this attitude at the epoch."""
+        if self.means is None or self.fall is None:
+            raise ValueError("The motion has no means: a sensor that needs them asks for windows.")
+        return rotate(q, self.means[window, :3]) + self.fall
 
 
 def body_motion(

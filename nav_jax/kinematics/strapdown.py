@@ -9,11 +9,11 @@ Over a step of dt with th = omega dt, body rate omega and specific force f const
 with a = (1 - cos|th|)/|th|^2, b = (|th| - sin|th|)/|th|^3, c = (1/2 - a)/|th|^2, as series in |th|^2: no branch, no
 trigonometric function, exact to 1e-14 up to 1.5 rad a step. Solà (2017), appendix B; Forster et al. (2017), eq. 31.
 
-Where the Earth turns, so does n, by r = w dt in a step. Half of it turns the attitude before it leads the specific
-force to n, half after, and the Coriolis acceleration is that of the middle of the step: with D = exp(-[r x]/2) C and
-the acceleration e = D Gamma1 f + g - 2 w x v at its beginning,
+Where the Earth turns, so does n, by r = w dt in a step. In its middle the attitude that leads the specific force to n
+has turned by half of that, and the Coriolis acceleration is that of the velocity there: with the mean specific force
+a = (1 - [r x]/2) C Gamma1 f along n and the acceleration e = a + g - 2 w x v at the beginning,
 
-    q' = exp(-r) q exp(th),   v' = v + (e - r x e) dt,   p' = p + v dt + (D Gamma2 f + g/2 - w x v) dt^2
+    q' = exp(-r) q exp(th),   v' = v + (e - r x e) dt,   p' = p + v dt + (C Gamma2 f + g/2 - w x v) dt^2
 
 This is of second order in dt, as gravity is that is asked in the middle of a step. `rotation_between` and
 `force_between` undo it exactly.
@@ -117,20 +117,20 @@ def step_with_force(
     """Advance as `step`; beside it the first and the second integral of the specific force along n, m/s and m."""
     theta = omega * dt
     g_n = g_n.reshape(g_n.shape + (1,) * (v.ndim - g_n.ndim))
-    if rate_n is not None:
-        q = _turned(q, rate_n, dt)
     c = dcm_from_quat(q)
     force, of_force = matvec(c, gamma1(theta, f)), matvec(c, gamma2(theta, f))
+    if rate_n is not None:
+        force = force - cross(0.5 * dt * rate_n, force)
     mean, twice = force + g_n, of_force + 0.5 * g_n
     if rate_n is not None:
         coriolis = cross(rate_n, v)
         mean, twice = mean - 2.0 * coriolis, twice - coriolis
-        mean = mean - dt * cross(rate_n, mean)
+        mean = mean - cross(dt * rate_n, mean)
     velocity = v + mean * dt
     position = p + v * dt + twice * (dt * dt)
     turned = quat_multiply(q, quat_from_small_rotvec(theta))
     if rate_n is not None:
-        turned = _turned(turned, rate_n, dt)
+        turned = quat_multiply(quat_from_small_rotvec(-dt * rate_n), turned)
     # one Newton step towards unit length, which rounding would leave as a random walk
     scale = 1.5 - 0.5 * (turned[0] * turned[0] + dot(turned[1:], turned[1:]))
     return (position, velocity, turned * scale[None]), (force * dt, of_force * (dt * dt))
@@ -159,17 +159,15 @@ def force_between(
     Gravity and rate are those of the step, all of shape (3, ...).
     """
     mean = (after - v) / dt
-    if rate_n is not None:
-        # (1 - [r x])^-1 = (1 + [r x] + r r') / (1 + r'r)
-        r = dt * rate_n
-        mean = (mean + cross(r, mean) + dot(r, mean)[None] * r) / (1.0 + dot(r, r)[None]) + 2.0 * cross(rate_n, v)
-        q = _turned(q, rate_n, dt)
-    return gamma1_inverse(rotvec, rotate_back(q, mean - g_n))
+    if rate_n is None:
+        return gamma1_inverse(rotvec, rotate_back(q, mean - g_n))
+    force = _turned_back(dt * rate_n, mean) + 2.0 * cross(rate_n, v) - g_n
+    return gamma1_inverse(rotvec, rotate_back(q, _turned_back(0.5 * dt * rate_n, force)))
 
 
-def _turned(q: Quaternion, rate_n: Vector, dt: Float[Array, "..."] | float) -> Quaternion:
-    """An attitude after half a step in which n turns and the body does not."""
-    return quat_multiply(quat_from_small_rotvec(-0.5 * dt * rate_n), q)
+def _turned_back(r: Vector, x: Vector) -> Vector:
+    """The vector y with y - r x y = x: (1 - [r x])^-1 is (1 + [r x] + r r') / (1 + r'r)."""
+    return (x + cross(r, x) + dot(r, x)[None] * r) / (1.0 + dot(r, r)[None])
 
 
 @jax.jit

@@ -8,7 +8,7 @@ import pytest
 
 from gmwm_jax import GM, WN
 from nav_jax.imu.bank import alone, step_noise
-from nav_jax.imu.deterministic import DETERMINISTIC, Misalignment, ScaleFactor
+from nav_jax.imu.deterministic import DETERMINISTIC, GSensitivity, Misalignment, ScaleFactor
 from nav_jax.imu.emulation import emulate, write_out
 from nav_jax.imu.errors import ImuErrors
 
@@ -16,12 +16,18 @@ CASES = {
     # kind -> whether the entry (channel read, channel sensed) of the matrix of errors may be other than zero
     ScaleFactor: lambda i, j: i == j,
     Misalignment: lambda i, j: i != j and i // 3 == j // 3,
+    GSensitivity: lambda i, j: i >= 3 and j < 3,
 }
 every_kind = pytest.mark.parametrize("kind", CASES, ids=lambda k: k.__name__)
 
 
 def test_every_kind_of_the_registry_has_a_row():
     assert set(CASES) == set(DETERMINISTIC.values())
+
+
+def of(kind, accel_sd, gyro_sd):
+    """One of a kind; gyros alone have a g-sensitivity."""
+    return kind(gyro_sd) if kind is GSensitivity else kind(accel_sd, gyro_sd)
 
 
 def errors_of(*deterministic, noise=0.0):
@@ -39,7 +45,7 @@ def matrix(bank, x):
 
 @every_kind
 def test_errors_are_a_matrix_times_what_is_sensed(kind):
-    bank = errors_of(kind(1e-3, 2e-3)).bank()
+    bank = errors_of(of(kind, 1e-3, 2e-3)).bank()
     assert {(s.channel, s.reads) for s in bank.states} == {
         (i, j) for i in range(6) for j in range(6) if CASES[kind](i, j)
     }
@@ -54,7 +60,7 @@ def test_errors_are_a_matrix_times_what_is_sensed(kind):
 @every_kind
 def test_a_compensated_sample_is_what_was_sensed_to_third_order(kind):
     """Errors of 1 %: what is left after one inversion by hand is below 1e-6 times the size squared of a sample."""
-    bank = errors_of(kind(1e-2, 1e-2)).bank()
+    bank = errors_of(of(kind, 1e-2, 1e-2)).bank()
     rng = np.random.default_rng(2)
     x, sensed = 1e-2 * rng.normal(size=(len(bank.states), 1)), rng.normal(size=(6, 1))
     said = sensed + matrix(bank, x[:, 0]) @ sensed
@@ -67,7 +73,7 @@ def test_a_compensated_sample_is_what_was_sensed_to_third_order(kind):
 @every_kind
 def test_what_is_emulated_is_what_the_states_say(kind, key):
     """Two samples a step, the noise switched off: errors are the matrix of the drawn constants on perfect samples."""
-    errors = errors_of(kind([1e-3, 2e-3, 3e-3], 2e-3))
+    errors = errors_of(of(kind, [1e-3, 2e-3, 3e-3], 2e-3))
     ends = jnp.ones((3, 2, 2))
     rng = np.random.default_rng(3)
     imu, at_end = jnp.asarray(rng.normal(size=(3, 2, 2, 6))), jnp.asarray(rng.normal(size=(3, 6)))
@@ -126,6 +132,8 @@ def test_the_integral_of_an_error_over_a_step_weighs_by_the_mean_reading():
     [
         (lambda: ScaleFactor(-1e-3), "ScaleFactor: accel_sd must be non-negative"),
         (lambda: Misalignment(gyro_sd=[1e-3, 1e-3]), "gyro_sd is one number or three"),
+        (lambda: GSensitivity(-1e-6), "GSensitivity: gyro_sd must be non-negative"),
+        (lambda: errors_of(ScaleFactor(1e-3), ScaleFactor(2e-3, 1e-3)), "Two errors have the same constants"),
         (lambda: errors_of(0.1), "must be of the class AbstractDeterministic"),
     ],
 )
