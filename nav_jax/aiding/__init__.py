@@ -17,9 +17,15 @@ print(nj.error_budget(scenario, truth))
 
 from nav_jax.aiding.barometer import Barometer as Barometer
 from nav_jax.aiding.base import AbstractAiding as AbstractAiding
+from nav_jax.aiding.dual_antenna import DualAntenna as DualAntenna
 from nav_jax.aiding.fixes import Fixes as Fixes
+from nav_jax.aiding.gnss import Gnss as Gnss
 from nav_jax.aiding.gnss import GnssPosition as GnssPosition
 from nav_jax.aiding.gnss import GnssVelocity as GnssVelocity
+from nav_jax.aiding.magnetometer import Magnetometer as Magnetometer
+from nav_jax.aiding.non_holonomic import NonHolonomic as NonHolonomic
 from nav_jax.aiding.odometer import Odometer as Odometer
 from nav_jax.aiding.registry import AIDING as AIDING
+from nav_jax.aiding.standstill import ZeroRate as ZeroRate
+from nav_jax.aiding.standstill import ZeroVelocity as ZeroVelocity
 from nav_jax.aiding.states import OwnState as OwnState

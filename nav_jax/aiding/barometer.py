@@ -1,4 +1,4 @@
-"""Barometric height."""
+"""Barometric height, with an offset and a scale error that a filter estimates."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
@@ -13,6 +13,7 @@ from jaxtyping import Float, Float64
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, noises, spread, timing
+from nav_jax.aiding.states import OwnState, arguments, own_state
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.kinematics.earth import AbstractEarth
 
@@ -20,12 +21,21 @@ from nav_jax.kinematics.earth import AbstractEarth
 class Barometer(AbstractAiding):
     """A barometer, which measures the height above the origin: that of the Earth on which it is, -p_D on a flat one.
 
+    The pressure at the surface and its drift with the weather are an offset b, a column of air of another temperature
+    than that of the standard atmosphere is a scale error s: z = h + b + s h.
+
     Parameters
     ----------
     rate
         Hz; any, also one that is no divisor of the IMU's.
     height
         Noise: a standard deviation in m (white), or a model per sample at `rate`.
+    offset_sd
+        Standard deviation in m of a constant offset b, drawn for every run and estimated.
+    offset_noise
+        A model of changes of b, such as ``"GM(beta=1e-3, variance=4.0)"``, per sample at `rate`.
+    scale_sd
+        Standard deviation of a constant scale error s: 1e-3 to 1e-2 for the temperature of a day.
     outages
         Intervals (start, end) in s without readings, ends included.
     first
@@ -38,22 +48,31 @@ class Barometer(AbstractAiding):
     Raises
     ------
     ValueError
-        A standard deviation or rate that is not positive, an outage that is no interval.
+        A standard deviation or rate that is not positive, an outage that is no interval, an offset that is no Markov
+        process.
 
     Examples
     --------
     >>> nj.Barometer(rate=1.0, height=0.5).axes
     ('height',)
+    >>> weather = nj.Barometer(height=0.5, offset_sd=5.0, offset_noise="GM(beta=1e-3, variance=4.0)", scale_sd=5e-3)
+    >>> [state.name for state in weather.states]
+    ['offset', 'scale']
     """
 
     unit: ClassVar[str] = "m"
     settings: ClassVar[Mapping[str, Setting]] = {
         "height": Setting("m", or_model=True, required=True),
+        "offset_sd": Setting("m"),
+        "offset_noise": Setting("m", or_model=True),
+        "scale_sd": Setting("1"),
         "believed": Setting("m"),
     }
 
     noise: tuple[NoiseModel, ...]
     believed: Float[Array, "1"]
+    offset: OwnState | None
+    scale: OwnState | None
     earth: AbstractEarth | None
     """Where heights are those of a surface that is not flat."""
     rate: float = eqx.field(static=True)
@@ -66,6 +85,9 @@ class Barometer(AbstractAiding):
         rate: Real = 1.0,
         *,
         height: Any,
+        offset_sd: Any = 0.0,
+        offset_noise: Any = None,
+        scale_sd: Any = 0.0,
         outages: Sequence[Sequence[Real]] = (),
         first: Real | None = None,
         believed: Any = None,
@@ -76,6 +98,8 @@ class Barometer(AbstractAiding):
         self.noise, self.believed = noises(
             name, (height,), None if believed is None else spread(name, believed, (self.axes,))
         )
+        self.offset = own_state("offset", "m", offset_sd, offset_noise)
+        self.scale = own_state("scale", "1", scale_sd)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -84,17 +108,26 @@ class Barometer(AbstractAiding):
 
     @property
     def linear(self) -> bool:
-        """Height is a position where the Earth is flat."""
-        return self.earth is None
+        """Height is a position where the Earth is flat; unless there are errors to be estimated."""
+        return self.earth is None and not self.states
+
+    @property
+    def states(self) -> tuple[OwnState, ...]:
+        """Offset and scale error, if they are not known."""
+        return tuple(s for s in (self.offset, self.scale) if s is not None)
 
     def on(self, earth: AbstractEarth) -> "Barometer":  # noqa: D102
         curved = None if earth.is_flat else earth
         return eqx.tree_at(lambda s: s.earth, self, curved, is_leaf=lambda leaf: leaf is None)
 
     def predict(self, state, body):  # noqa: D102
-        return -state.p[2:3] if self.earth is None else self.earth.height(state.p)[None]
+        height = -state.p[2:3] if self.earth is None else self.earth.height(state.p)[None]
+        offset = 0.0 if self.offset is None else state.x[:1]
+        return height + offset + (0.0 if self.scale is None else state.x[-1:] * height)
 
     def jacobian(self, state, body, layout):  # noqa: D102
+        if self.states:
+            return None
         if self.earth is None:
             return jnp.zeros((1, layout.size, 1)).at[:, layout["position"], 0].set(-jnp.eye(3)[2:])
         height = self.earth.height
@@ -111,6 +144,8 @@ class Barometer(AbstractAiding):
 class _State(NamedTuple):
     height: NoiseModel
     believed: Float64[np.ndarray, "1"]
+    offset: OwnState | None
+    scale: OwnState | None
     rate: float
     first: float
     outages: tuple[tuple[float, float], ...]
@@ -118,7 +153,14 @@ class _State(NamedTuple):
 
 
 def _to_state(s: Barometer) -> _State:
-    return _State(s.noise[0], np.asarray(s.believed), s.rate, s.first, s.outages, s.name)
+    return _State(s.noise[0], np.asarray(s.believed), s.offset, s.scale, s.rate, s.first, s.outages, s.name)
 
 
-register(Barometer, _State, _to_state, lambda state: Barometer(**state._asdict()))
+def _from_state(state: _State) -> Barometer:
+    options: dict[str, Any] = state._asdict()
+    for name in ("offset", "scale"):
+        options |= arguments(name, options.pop(name))
+    return Barometer(**options)
+
+
+register(Barometer, _State, _to_state, _from_state)

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Key
+from jaxtyping import Bool, Float, Key
 
 from gmwm_jax._internal.checks import as_float, concrete, number, positive, sampling_rate
 from gmwm_jax._internal.chunks import stream_keys
@@ -23,6 +23,7 @@ from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.states import OwnState
 from nav_jax.imu.noise_models import NoiseModel, axis_noise, draw_each, white_sd
 from nav_jax.kinematics.earth import AbstractEarth
+from nav_jax.kinematics.reference import ReferenceMotion
 from nav_jax.kinematics.state import BodyMotion, NavState
 
 _TOLERANCE = 1e-6
@@ -40,6 +41,20 @@ class Setting(NamedTuple):
     """May a model be given instead?"""
     required: bool = False
     """Must it be given?"""
+
+
+class Window(NamedTuple):
+    """A stretch of time about a fix, over which a sensor wants the mean of what the IMU senses."""
+
+    begin: float
+    """s after the fix."""
+    end: float
+    rises: bool = False
+    """Whether the weight grows from zero at the beginning; else it is even."""
+
+    def count(self, rate: float) -> float:
+        """Samples of an IMU that such a mean is worth: of white noise."""
+        return max((self.end - self.begin) * rate * (0.75 if self.rises else 1.0), 1.0)
 
 
 @runtime_checkable
@@ -96,6 +111,11 @@ class AbstractAiding(eqx.Module):
         return False
 
     @property
+    def windows(self) -> tuple[Window, ...]:
+        """Over which it wants means of specific force and body rate, as `means` of the motion of the body."""
+        return ()
+
+    @property
     def states(self) -> tuple[OwnState, ...]:
         """States of its own, which a filter estimates."""
         return ()
@@ -120,6 +140,26 @@ class AbstractAiding(eqx.Module):
         body
             The motion of the body at the fix; None unless `uses_body`.
         """
+
+    def emulate(
+        self, track: ReferenceMotion, time: Float[Array, " F"], x: Float[Array, "F a _"]
+    ) -> Float[Array, "K F R"] | None:
+        """What is measured at F fixes of R runs without noise, where that is no matter of the epoch alone.
+
+        Parameters
+        ----------
+        track
+            The reference at any time.
+        time
+            Of the fixes, s.
+        x
+            The states of its own.
+
+        Returns
+        -------
+        None where it is what `predict` says of the truth.
+        """
+        return None
 
     def jacobian(self, state: NavState, body: BodyMotion | None, layout: Slices) -> Float[Array, "K n _"] | None:
         """H: derivative of h along the error of the state and of the motion of the body.
@@ -183,13 +223,24 @@ class AbstractAiding(eqx.Module):
 
     def available(self, times: Float[np.ndarray, " F"]) -> np.ndarray:
         """Return which of the fixes lie outside the outages; the ends of an outage belong to it."""
-        inside = [(times > a - _TOLERANCE) & (times < b + _TOLERANCE) for a, b in self.outages]
-        return ~np.any(inside, axis=0) if inside else np.ones(len(times), dtype=bool)
+        return ~inside(times, self.outages)
+
+    def applies(self, speed: Float[np.ndarray, " F"]) -> Bool[np.ndarray, " F"]:
+        """Return which of the fixes there are at these speeds over ground, m/s: all, but of what holds at some only."""
+        return np.ones(len(speed), dtype=bool)
 
     def draw(self, num: int, keys: Key[Array, " R"]) -> Float[Array, "F K R"]:
         """Draw the noise of the first `num` fixes of each run, before it is mixed."""
         streams = jax.vmap(lambda number: stream_keys(keys, number))(np.arange(len(self.noise), dtype=np.uint32))
         return draw_each(self.noise, num, streams)
+
+
+def inside(times: Float[np.ndarray, " F"], intervals: Sequence[tuple[float, float]]) -> Bool[np.ndarray, " F"]:
+    """Which of the times lie in one of the intervals, ends included."""
+    found = np.zeros(len(times), dtype=bool)
+    for a, b in intervals:
+        found |= (times > a - _TOLERANCE) & (times < b + _TOLERANCE)
+    return found
 
 
 def timing(
@@ -253,12 +304,24 @@ def spread(name: str, believed: Any, groups: Sequence[Sequence[str]]) -> list[An
 
 def lever(name: str, given: Any) -> Float[Array, "3"] | None:
     """A lever arm in b, x, y, z in m: from the IMU to the sensor; None where it is not given."""
-    if given is None:
-        return None
+    return None if given is None else vector(name, "a lever arm", "front, right, down, in m", given)
+
+
+def vector(name: str, what: str, components: str, given: Any) -> Float[Array, "3"]:
+    """Three finite components, which may be traced."""
     if np.shape(given) != (3,):
-        raise ValueError(f"{name}: a lever arm has three components (front, right, down, in m), and this is {given!r}.")
-    arm = as_float(given)
-    seen = concrete(arm)
+        raise ValueError(f"{name}: {what} has three components ({components}), and this is {given!r}.")
+    found = as_float(given)
+    seen = concrete(found)
     if seen is not None and not np.isfinite(seen).all():
-        raise ValueError(f"{name}: the lever arm must be finite, and is {given!r}.")
-    return arm
+        raise ValueError(f"{name}: {what} must be finite, and is {given!r}.")
+    return found
+
+
+def direction(name: str, what: str, components: str, given: Any) -> Float[Array, "3"]:
+    """The same, and not zero."""
+    found = vector(name, what, components, given)
+    seen = concrete(found)
+    if seen is not None and not seen.any():
+        raise ValueError(f"{name}: {what} of zero shows no direction: give {components}.")
+    return found

@@ -7,10 +7,10 @@ from jaxtyping import Bool, Float64
 
 from gmwm_jax._internal.checks import increasing, real_array
 from gmwm_jax._internal.states import saved
-from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.base import AbstractAiding, inside
 
 
-@saved()
+@saved(added=("withheld",))
 @dataclass(frozen=True, eq=False)
 class Fixes:
     """The recorded measurements of an aiding sensor.
@@ -26,6 +26,8 @@ class Fixes:
         Shape (F, K), one column an axis of the sensor.
     covariance
         Of the noise of each fix, shape (F, K, K), in place of what the sensor believes; None where that holds for all.
+    withheld
+        Intervals (start, end) in s whose fixes, ends included, are kept from the filter as those in outages are.
 
     Raises
     ------
@@ -44,6 +46,7 @@ class Fixes:
     time: Float64[np.ndarray, " F"]
     value: Float64[np.ndarray, "F K"]
     covariance: Float64[np.ndarray, "F K K"] | None = None
+    withheld: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         name = self.sensor.name
@@ -65,7 +68,12 @@ class Fixes:
     @property
     def given(self) -> Bool[np.ndarray, " F"]:
         """Which of the fixes the filter is given: those outside the outages."""
-        return self.sensor.available(self.time)
+        return self.sensor.available(self.time) & ~inside(self.time, self.withheld)
+
+    @property
+    def outages(self) -> tuple[tuple[float, float], ...]:
+        """Those of the sensor, and what is withheld, by their starts."""
+        return tuple(sorted({*self.sensor.outages, *self.withheld}))
 
 
 def _check_covariances(name: str, time: np.ndarray, C: np.ndarray) -> None:

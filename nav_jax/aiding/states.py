@@ -5,7 +5,7 @@ a part of the bank of sensor states, and moves with the samples of the IMU; no a
 emulated is drawn at the fixes, in the same steps all at once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -32,7 +32,7 @@ class OwnState(eqx.Module):
     Parameters
     ----------
     name
-        Such as ``scale``.
+        Such as ``scale``, or ``lever_arm x``: what comes first is the `group` that it belongs to.
     unit
         SI.
     sd
@@ -64,6 +64,11 @@ class OwnState(eqx.Module):
         seen = concrete(self.sd)
         self.is_constant = seen is None or bool(seen > 0) or noise is None
 
+    @property
+    def group(self) -> str:
+        """What the state and others of its kind are one of, such as ``lever_arm``."""
+        return self.name.split(" ")[0]
+
     def parts(self, sensor_rate: Real, rate: Real) -> list[tuple[str, Any]]:
         """Labels, with the standard deviation of the constant part and the models of the others at another rate."""
         parts: list[tuple[str, Any]] = [("constant", self.sd)] if self.is_constant else []
@@ -83,6 +88,32 @@ class _State(NamedTuple):
 register(OwnState, _State, lambda s: _State(s.name, s.unit, float(s.sd), s.noise), lambda state: OwnState(*state))
 
 
+def own_state(name: str, unit: str, sd: Any = 0.0, noise: Any = None) -> OwnState | None:
+    """The state, or None where it is zero: without a model, and with a standard deviation that is known to be zero."""
+    seen = concrete(sd)
+    is_zero = noise is None and seen is not None and not seen.any()
+    return None if is_zero else OwnState(name, unit, sd, noise)
+
+
+def own_states_of(sensor: str, name: str, unit: str, axes: Sequence[str], sd: Any) -> tuple[OwnState, ...]:
+    """A constant state of each axis, by one standard deviation or one of each; none where all are known to be zero."""
+    if np.shape(sd) not in ((), (len(axes),)):
+        raise ValueError(f"{sensor}: {name}_sd is one number or {len(axes)} ({', '.join(axes)}), and is {sd!r}.")
+    seen = concrete(sd)
+    if seen is not None and not seen.any():
+        return ()
+    positive(f"{sensor}: {name}_sd", sd, zero_ok=True)
+    each = [sd] * len(axes) if np.shape(sd) == () else list(sd)
+    return tuple(OwnState(f"{name} {axis}", unit, value) for axis, value in zip(axes, each, strict=True))
+
+
+def arguments(name: str, state: OwnState | None) -> dict[str, Any]:
+    """The arguments ``name_sd`` and ``name_noise`` that made it; a constant has no noise."""
+    if state is None:
+        return {}
+    return {f"{name}_sd": state.sd} | ({} if state.noise is None else {f"{name}_noise": state.noise})
+
+
 class OwnStates(eqx.Module):
     """The states of all aiding sensors at the rate of the IMU: A of them, of S states of Markov processes."""
 
@@ -95,6 +126,12 @@ class OwnStates(eqx.Module):
     """Of each sensor: the first and the last but one of the A."""
     parts: tuple[tuple[int, int], ...] = eqx.field(static=True)
     """The same of the S."""
+    groups: tuple[str, ...] = eqx.field(static=True)
+    """Of each of the S: the sensor and the group, see `OwnState`."""
+    without: tuple[str, ...] = eqx.field(static=True)
+    """Groups of states that are left out, and zero."""
+    rate: float = eqx.field(static=True)
+    """Of the IMU, Hz."""
     diagonal: bool = eqx.field(static=True)
     """Does every state go its own way?"""
 
@@ -102,6 +139,19 @@ class OwnStates(eqx.Module):
     def size(self) -> int:
         """S."""
         return len(self.states)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the groups, each once."""
+        return tuple(dict.fromkeys(self.groups))
+
+    def scaled(self, factors: Float[Array, " groups"]) -> "OwnStates":
+        """The same with standard deviations so many times as large, group by group of `names`."""
+        if not self.size:
+            return self
+        factor = factors[np.array([self.names.index(g) for g in self.groups])]
+        both = factor[:, None] * factor[None, :]  # states of two groups are independent
+        return eqx.tree_at(lambda o: (o.driving, o.initial), self, (both * self.driving, both * self.initial))
 
     def values(self, x: Float[Array, "M R"], sensor: int) -> Float[Array, "a R"]:
         """The states of one sensor from all states of a filter, of which these are the last."""
@@ -136,19 +186,29 @@ class OwnStates(eqx.Module):
         return jax.lax.scan(fix, factor(self.initial[s:t, s:t]) @ e[0], (*moves, e[1:]))[1]
 
 
-def own_states(sensors: Sequence[Any], rate: Real) -> OwnStates:
-    """The states of aiding sensors, at the rate of an IMU."""
-    states, rows, parts, found, is_diagonal = [], [], [], [], True
+def group_names(sensors: Sequence[Any]) -> tuple[str, ...]:
+    """Sensor and group of all states of aiding sensors, as ``gnss_position lever_arm``, each once."""
+    return tuple(dict.fromkeys(f"{sensor.name} {state.group}" for sensor in sensors for state in sensor.states))
+
+
+def own_states(sensors: Sequence[Any], rate: Real, without: Collection[str] = ()) -> OwnStates:
+    """The states of aiding sensors, at the rate of an IMU.
+
+    Those of the groups `without` (see `group_names`) have no state that moves, and are zero.
+    """
+    states, rows, parts, groups, found, is_diagonal = [], [], [], [], [], True
     for sensor in sensors:
         first, begin = len(found), len(states)
         for state in sensor.states:
-            labelled = state.parts(sensor.rate, rate)
+            group = f"{sensor.name} {state.group}"
+            labelled = [] if group in without else state.parts(sensor.rate, rate)
             for label, part in labelled:
                 num = len(jax.eval_shape(_form, part).readout)
                 name = f"{sensor.name} {state.name}{f' {label}' * (label != 'constant')}"
                 is_diagonal = is_diagonal and num == 1
                 names = (name,) if num == 1 else tuple(f"{name} {i}" for i in range(num))
                 states += [SensorState(NO_CHANNEL, n) for n in names]
+                groups += [group] * num
             found.append([part for _, part in labelled])
         rows.append((first, len(found)))
         parts.append((begin, len(states)))
@@ -158,6 +218,9 @@ def own_states(sensors: Sequence[Any], rate: Real) -> OwnStates:
         states=tuple(states),
         rows=tuple(rows),
         parts=tuple(parts),
+        groups=tuple(groups),
+        without=tuple(without),
+        rate=float(rate),
         diagonal=is_diagonal,
     )
 
@@ -177,7 +240,9 @@ def _stacked(found: list[list[Any]]) -> tuple[Array, Array, Array, Array]:
         block_diagonal([f.transition for f in flat]),
         block_diagonal([f.driving for f in flat]),
         block_diagonal([f.initial for f in flat]),
-        jax.scipy.linalg.block_diag(*[jnp.concatenate([f.readout for f in parts])[None] for parts in forms]),
+        jax.scipy.linalg.block_diag(
+            *[jnp.concatenate([jnp.zeros(0), *(f.readout for f in parts)])[None] for parts in forms]
+        ),
     )
 
 
@@ -194,6 +259,7 @@ def joined(bank: SensorBank, own: OwnStates) -> SensorBank:
         rate=bank.rate,
         states=(*bank.states, *own.states),
         diagonal=bank.diagonal and own.diagonal,
+        travel=jax.tree.map(lambda a: jnp.concatenate([a, jnp.zeros(own.size)]), bank.travel),
     )
 
 

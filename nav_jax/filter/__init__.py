@@ -46,5 +46,6 @@ from nav_jax.filter.experiment import run_filter as run_filter
 from nav_jax.filter.experiment import run_keys as run_keys
 from nav_jax.filter.history import Estimates as Estimates
 from nav_jax.filter.initial import InitialUncertainty as InitialUncertainty
+from nav_jax.filter.initial import LinearisationWarning as LinearisationWarning
 from nav_jax.filter.scenario import Scenario as Scenario
 from nav_jax.filter.status import Status as Status

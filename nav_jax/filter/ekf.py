@@ -17,7 +17,7 @@ from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import EarthInLoops, Pull
-from nav_jax.kinematics.linalg import symmetrise
+from nav_jax.kinematics.linalg import root, symmetrise
 from nav_jax.kinematics.rotation import dcm_from_quat, quat_from_rotvec, quat_multiply
 from nav_jax.kinematics.state import NavState
 
@@ -55,37 +55,42 @@ def mechanise_with_motion(
     earth: EarthInLoops,
     pull: Pull | None,
     *,
-    with_reading: bool = False,
+    with_all: bool = False,
 ) -> tuple[NavState, Motion]:
     """Advance the estimate by one covariance step, and sum up the motion over it.
 
-    The pull is that of gravity somewhere near, None where that is the same everywhere; the mean reading is a part of
-    the motion where the bank depends on it, or on demand.
+    The pull is that of gravity somewhere near, None where that is the same everywhere; the mean reading and the
+    distance are parts of the motion where the bank depends on them, or on demand.
     """
-    with_reading = with_reading or bank.depends
+    with_reading, with_distance = with_all or bank.depends, with_all or bank.travel is not None
     T, C = jnp.sum(dt), dcm_from_quat(state.q)
     zero = jnp.zeros_like(state.v)
 
     def piece(carry, inputs):
-        state, C, C_sum, reading, S_1, S_2 = carry
+        state, C, C_sum, reading, distance, S_1, S_2 = carry
         sample, length, end = inputs
+        distance = None if distance is None else distance + travelled(state.v, length)
         state, sensed, (once, twice) = _piece(state, sample, length, end, bank, earth, pull)
         C_next = dcm_from_quat(state.q)
         reading = None if reading is None else reading + length * sensed
         S_1, S_2 = S_1 + once, S_2 + length * S_1 + twice
-        return (state, C_next, C_sum + length / 2 * (C + C_next), reading, S_1, S_2), None
+        return (state, C_next, C_sum + length / 2 * (C + C_next), reading, distance, S_1, S_2), None
 
     reading = jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None
-    carry = (state, C, jnp.zeros_like(C), reading, zero, zero)
+    distance = jnp.zeros(state.p.shape[1]) if with_distance else None
+    carry = (state, C, jnp.zeros_like(C), reading, distance, zero, zero)
     if len(dt) == 1:
-        (state, _, C_sum, reading, S_1, S_2), _ = piece(carry, (imu[0], dt[0], ends[0]))
+        (state, _, C_sum, reading, distance, S_1, S_2), _ = piece(carry, (imu[0], dt[0], ends[0]))
     else:
-        (state, _, C_sum, reading, S_1, S_2), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
+        (state, _, C_sum, reading, distance, S_1, S_2), _ = jax.lax.scan(piece, carry, (imu, dt, ends))
     # an empty step has no mean, and needs none: everything it multiplies is zero
     inverse = jnp.where(T > 0, 1 / jnp.where(T > 0, T, 1.0), 0.0)
     mean = C_sum * inverse
-    gradient = None if pull is None else pull.gradient
-    motion = Motion(mean, S_1, S_2, None if reading is None else reading * inverse, gradient, earth.rate)
+    gradient, rate = None if pull is None else pull.gradient, earth.rate
+    if earth.by_segment:  # see `error_model.under_earth`
+        gradient, rate = None, None
+    reading = None if reading is None else reading * inverse
+    motion = Motion(mean, S_1, S_2, reading, gradient, rate, distance)
     return jax.lax.optimization_barrier((state, motion))
 
 
@@ -93,9 +98,17 @@ def _piece(state, sample, dt, ends, bank, earth, pull):
     """The estimate after a piece; what the IMU has sensed during it as far as one knows, and its force's integrals."""
     sensed = bank.compensated(sample, state.x)
     g_n = earth.gravity(state.p, state.v, dt, pull)
+    distance = None
+    if bank.travel is not None:
+        g_n, distance = g_n + bank.gravity(state.x), travelled(state.v, dt)
     start = state.p, state.v, state.q
     after, of_force = strapdown.step_with_force(*start, sensed[3:], sensed[:3], dt, g_n, earth.rate)
-    return NavState(*after, bank.advance(state.x, ends)), sensed, of_force
+    return NavState(*after, bank.advance(state.x, ends, distance)), sensed, of_force
+
+
+def travelled(v: Float[Array, "3 *E"], dt: Float[Array, ""]) -> Float[Array, "*E"]:
+    """Distance along the horizon that a velocity in n makes in so much time, m."""
+    return dt * root(v[0] ** 2 + v[1] ** 2)
 
 
 def update(

@@ -22,6 +22,15 @@ Where gravity is not the same everywhere, its gradient adds T Gamma p + T^2/2 Ga
 the Earth turns, half of what it does to errors comes before all that and half after: psi is turned by exp(-[w x] T/2)
 and v by exp(-[w x] T), twice. This is second order in T (Strang 1968).
 
+Both are slow: the Schuler period is 84 minutes and the day is long. On an Earth that is vast a step leaves them out,
+and `under_earth` has them for half a segment of T s at its beginning and again at its end, with T/2 Gamma p for v. That
+is Strang's splitting once more, now over a segment. Between its ends a covariance lacks, or has already, what they make
+of errors in T/2: w T/2 of them, 4e-5 in a second.
+
+A state of gravity (`nav_jax.imu.gravity`) that is believed to be too large by x is an acceleration along n: x T for v
+and x T^2/2 for p, without turning and with the other sign than accelerometers have. It is held over a step, and then
+fades with the distance travelled in it.
+
 Covariance blocks: N (navigation), S (navigation with sensor states), B (sensor states); runs are the last axis.
 """
 
@@ -32,6 +41,7 @@ from jaxtyping import Array, Float
 
 from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import StepNoise
+from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics.linalg import matmul3, transpose
 from nav_jax.kinematics.rotation import cross, dcm_from_quat, quat_from_small_rotvec
 
@@ -56,6 +66,8 @@ class Motion(NamedTuple):
     """Of gravity; None where it is the same everywhere."""
     rate: Float[Array, "3 1"] | None = None
     """Of the Earth; None where it does not turn."""
+    distance: Float[Array, " R"] | None = None
+    """Travelled along the horizon, m; where states fade with it."""
 
 
 def full(P: Covariance) -> Float[Array, "n n R"]:
@@ -70,12 +82,46 @@ def blocks(P: Float[Array, "n n R"]) -> Covariance:
     return Covariance(P[:k, :k], P[:k, k:], P[k:, k:])
 
 
+def under_earth(
+    X: Float[Array, "n K R"],
+    gradient: Float[Array, "3 3 R"] | None,
+    rate: Float[Array, "3 1"] | None,
+    time: Float[Array, ""],
+) -> Float[Array, "n K R"]:
+    """Errors after half a segment of twice the time, in which the Earth does all that it does; sensor states stay.
+
+    Gradient of gravity and rotation vector are those of `Motion`.
+    """
+    p, v, psi = X[POSITION], X[VELOCITY], X[ATTITUDE]
+    if gradient is not None:
+        v = v + time * matmul3(gradient, p)
+    if rate is not None:
+        v, psi = (
+            matmul3(dcm_from_quat(quat_from_small_rotvec(-s * time * rate)), x) for s, x in ((2.0, v), (1.0, psi))
+        )
+    return jnp.concatenate([p, v, psi, X[NAVIGATION.size :]])
+
+
+def covariance_under_earth(
+    P: Covariance,
+    gradient: Float[Array, "3 3 R"] | None,
+    rate: Float[Array, "3 1"] | None,
+    time: Float[Array, ""],
+) -> Covariance:
+    """The covariance of such errors, see `under_earth`."""
+
+    def after(X: Array) -> Array:
+        return under_earth(X, gradient, rate, time)
+
+    return Covariance(after(transpose(after(P.navigation))), after(P.mixed), P.sensors)
+
+
 class _Step:
     """The maps of one covariance step, see the head of this file."""
 
     def __init__(self, motion: Motion, noise: StepNoise):
-        self.C, self.S_1, self.S_2, self.reading, self.gradient, rate = motion
-        self.noise, self.T = noise, noise.duration
+        self.C, self.S_1, self.S_2, self.reading, self.gradient, rate, distance = motion
+        self.noise, self.T = noise.after(distance), noise.duration
         self.lever = self.S_1 - self.S_2 * noise.inverse_duration
         self.turns = None
         if rate is not None:
@@ -100,8 +146,10 @@ class _Step:
         return jnp.concatenate([moved, faster, psi])
 
     def G(self, y: Array) -> Array:
-        """Integrated sensor errors of the six channels to navigation errors; y (6, K, R)."""
-        a, g = matmul3(self.C, y[:3]), matmul3(self.C, y[3:])
+        """Integrated sensor errors of the six channels, and of gravity if it has any, to navigation errors."""
+        a, g = matmul3(self.C, y[:3]), matmul3(self.C, y[3:6])
+        if len(y) > len(CHANNELS):
+            a = a - y[len(CHANNELS) :]
         turned = cross(self.lever[:, None], g)
         return jnp.concatenate([self.T / 3 * turned - self.T / 2 * a, turned - a, -g])
 
@@ -118,12 +166,13 @@ def transition(X: Float[Array, "n K R"], motion: Motion, noise: StepNoise) -> Fl
     """Phi X: errors of navigation and sensor states after a covariance step."""
     step = _Step(motion, noise)
     navigation, sensors = X[: NAVIGATION.size], X[NAVIGATION.size :]
-    return jnp.concatenate([step.navigation(navigation, sensors), transpose(noise.carry(transpose(sensors)))])
+    return jnp.concatenate([step.navigation(navigation, sensors), transpose(step.noise.carry(transpose(sensors)))])
 
 
 def propagate(P: Covariance, motion: Motion, noise: StepNoise) -> Covariance:
     """Phi P Phi' + Q over one covariance step."""
     step, C = _Step(motion, noise), motion.C_mean
+    noise = step.noise
 
     # C diag(r) C' of the noise in y; half of it enters before the step, half after (Strang), which is exact in v and
     # psi and to T^2 in what they do to each other and to p

@@ -4,7 +4,8 @@
 the parameters of the emulated errors, of the filter, of the aiding noise and of the initial covariance.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Int, Key
+from jaxtyping import Bool, Float, Int, Key
 
 from gmwm_jax._internal.checks import as_float, of_kind
 from gmwm_jax._internal.chunks import numbered_keys
@@ -21,25 +22,27 @@ from gmwm_jax._internal.host import compiled_quickly
 from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.aiding.states import joined
-from nav_jax.filter.ekf import inject
+from nav_jax.aiding.states import joined, own_states
+from nav_jax.filter.ekf import inject, travelled
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.loop import reference_gains, run_estimate, run_reference
-from nav_jax.filter.measurement import decorrelated
+from nav_jax.filter.measurement import decorrelated, measurements
 from nav_jax.filter.scenario import Scenario, output_times
 from nav_jax.filter.schedule import Schedule, make_schedule
 from nav_jax.filter.score import Truth
 from nav_jax.filter.smoother import smoothed
 from nav_jax.filter.timeline import Gains, Inputs, Outcome, Timeline, start_covariance, timeline_of
-from nav_jax.imu.emulation import emulate, stream
+from nav_jax.imu.emulation import Path, emulate, stream
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu, perfect_imu
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.linalg import factor
-from nav_jax.kinematics.state import NavState, body_motion
+from nav_jax.kinematics.reference import ReferenceMotion
+from nav_jax.kinematics.rotation import quat_from_rotvec, quat_multiply
+from nav_jax.kinematics.state import NavState
 from nav_jax.trajectory.trajectory import Trajectory
 
 GAINS = ("estimate", "reference")
@@ -53,10 +56,35 @@ class Experiment(eqx.Module):
     start: NavState
     """The truth at the start, one run."""
     initial: InitialUncertainty
+    time: Float[Array, " M"]
+    """Of the end of each segment, s."""
+    track: ReferenceMotion
+    """The reference at any time."""
     fixes: tuple[Int[Array, "2 _"], ...]
     """Of each sensor: the fixes that are used, by number of the fix and of the segment that ends there."""
+    path: Path
+    """Of the truth over all samples."""
     num_samples: int = eqx.field(static=True)
     num_fixes: tuple[int, ...] = eqx.field(static=True)
+
+    def with_sensors(self, sensors: Sequence[AbstractAiding]) -> "Experiment":
+        """The same with other numbers in its sensors: their noise, what is believed of it, their own states.
+
+        A pure function, that may be differentiated by what the sensors are made of; rates, outages and kinds of states
+        stay as they are.
+
+        Examples
+        --------
+        >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+        >>> gnss = lambda sd: nj.GnssPosition(horizontal=0.1, vertical=0.2, lever_arm=(1.0, 0.0, 0.0), lever_arm_sd=sd)
+        >>> experiment = nj.filter.prepare(nj.Scenario(reference, [gnss(0.1)]), rate=20.0)
+        >>> other = experiment.with_sensors([gnss(0.2)])
+        """
+        own, drawn = self.timeline.own, self.timeline.drawn
+        on_earth = tuple(s.on(self.timeline.earth.earth) for s in sensors)
+        both = tuple(own_states(on_earth, o.rate, o.without) for o in (own, drawn))
+        timeline = eqx.tree_at(lambda t: (t.own, t.drawn), self.timeline, both)
+        return eqx.tree_at(lambda e: (e.timeline, e.sensors), self, (timeline, on_earth))
 
 
 class Setup:
@@ -73,7 +101,7 @@ class Setup:
         start, end = float(epochs[0]), float(epochs[-1])
         self.output_times = output_times(start, end, scenario.output_interval)
         fix_times = [s.fixes(start, end) for s in self.aiding]
-        used = [s.available(t) for s, t in zip(self.aiding, fix_times, strict=True)]
+        used = [_used(s, t, self.reference) for s, t in zip(self.aiding, fix_times, strict=True)]
         self.fix_times = [t[u] for t, u in zip(fix_times, used, strict=True)]
         events = np.concatenate([self.output_times, *self.fix_times])
         schedule = make_schedule(epochs, events, scenario.every)
@@ -98,14 +126,44 @@ class Setup:
         fixes = (np.stack([np.flatnonzero(u), s]) for u, s in zip(used, self.fix_segments, strict=True))
         truth = truth_at(reference, self.imu, schedule.time, earth)
         return Experiment(
-            timeline_of(self.imu, schedule, self.aiding, self.fix_segments, truth, earth),
+            timeline_of(
+                self.imu,
+                schedule,
+                self.aiding,
+                self.fix_segments,
+                truth,
+                earth,
+                neglected=self.scenario.neglected,
+                suspected=self.scenario.suspected,
+            ),
             self.aiding,
             NavState(p, v, q, as_float(np.zeros((0, 1)))),
             self.scenario.initial,
+            as_float(schedule.time),
+            _track(reference),
             jax.device_put(tuple(fixes)),
+            path_of(reference, self.imu),
             len(self.imu),
             tuple(len(u) for u in used),
         )
+
+
+def _track(reference: Trajectory) -> ReferenceMotion:
+    step = (reference.time[-1] - reference.time[0]) / (len(reference) - 1)
+    arrays = (a.T for a in (reference.position, reference.velocity, reference.quaternion))
+    return ReferenceMotion(*map(as_float, (reference.time[0], step, *arrays)))
+
+
+def _used(sensor: AbstractAiding, times: Float[np.ndarray, " F"], reference: Trajectory) -> Bool[np.ndarray, " F"]:
+    """Which of the fixes there are."""
+    speed = np.interp(times, reference.time, np.linalg.norm(reference.velocity, axis=1))
+    used = sensor.available(times) & sensor.applies(speed)
+    if not used.any():
+        raise ValueError(
+            f"{sensor.name} has no fix: all of its {len(times)} lie in outages or where it does not hold, at speeds of "
+            f"{speed.min():.3g} to {speed.max():.3g} m/s. Leave the sensor out, or take another trajectory."
+        )
+    return used
 
 
 def prepare(scenario: Scenario, *, rate: Real) -> Experiment:
@@ -130,6 +188,13 @@ def prepare(scenario: Scenario, *, rate: Real) -> Experiment:
     >>> experiment = nj.filter.prepare(scenario, rate=20.0)
     """
     return Setup(scenario, rate).experiment
+
+
+def path_of(reference: Trajectory, imu: Imu) -> Path:
+    """The way over the samples of an IMU."""
+    q, v = (as_float(a[:-1].T) for a in (reference.quaternion, reference.velocity))
+    half = quat_multiply(q, quat_from_rotvec(as_float(imu.gyro.T) / (2 * imu.rate)))
+    return Path(travelled(v, jnp.asarray(1 / imu.rate)), half.T)
 
 
 def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], earth: AbstractEarth) -> Truth:
@@ -173,11 +238,12 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     timeline = experiment.timeline
     M, num_runs = timeline.pattern.shape[0], keys.shape[0]
     sensed = (timeline.imu, timeline.sensed)
-    errors = emulate(truth, keys, experiment.num_samples, timeline.ends[timeline.pattern], sensed)
+    ends = timeline.ends[timeline.pattern]
+    errors = emulate(truth, keys, experiment.num_samples, ends, sensed, experiment.path)
     deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (NAVIGATION.size,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)
-    z = [jnp.zeros((M, 0, num_runs))]
+    z, aiding = [jnp.zeros((M, 0, num_runs))], measurements(timeline, experiment.sensors, drawn=True)
     passed = jnp.cumsum(timeline.ends[timeline.pattern].sum(axis=(1, 2))).astype(int)
     for i, (sensor, fixes, num) in enumerate(
         zip(experiment.sensors, experiment.fixes, experiment.num_fixes, strict=True)
@@ -188,14 +254,18 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
         x = jnp.zeros((len(number_of), 0, 1))
         if sensor.states:
             steps, of_states = jnp.diff(passed[segment], prepend=0), jax.vmap(lambda k: stream(k, "states"))(keys_of)
-            x = timeline.own.draw(i, steps, experiment.num_samples, of_states)
+            x = timeline.drawn.draw(i, steps, experiment.num_samples, of_states)
         runs = x.shape[2]
-        there = timeline.truth
-        known = (there.p, there.v, there.q, timeline.sensed[:, :, None])
-        truth_at_fixes = [jnp.repeat(a[segment], runs, axis=2) for a in known]
-        p, v, q, reading = truth_at_fixes
-        body = jax.vmap(lambda reading, q: body_motion(reading, q, timeline.earth.rate))(reading, q)
-        exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), body)
+        exact = sensor.emulate(experiment.track, experiment.time[segment], x)
+        if exact is None:
+            there = timeline.truth
+            known = (there.p, there.v, there.q, timeline.sensed[:, :, None])
+            p, v, q, reading = (jnp.repeat(a[segment], runs, axis=2) for a in known)
+            means = None if timeline.means is None else timeline.means[segment, :, :, None]
+            body = jax.vmap(partial(aiding.body, i))(NavState(p, v, q, x), reading, means)
+            exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), body)
+        else:
+            exact = jnp.moveaxis(exact, 0, 1)
         measured = jax.vmap(lambda h, sensor=sensor: decorrelated(sensor, h))(exact) + noise
         z.append(jnp.zeros((M, len(sensor.axes), num_runs)).at[segment].set(measured))
     return Inputs(begin, errors, jnp.concatenate(z, axis=1))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import pi
 
-from nav_jax.imu.channels import CHANNELS, NO_CHANNEL, SensorState
+from nav_jax.imu.channels import CHANNELS, GRAVITY, SensorState
 
 
 @dataclass(frozen=True)
@@ -138,12 +138,14 @@ def error_state(states: Sequence[SensorState], own: Sequence[Block] = ()) -> Lay
     Parameters
     ----------
     states
-        Of its bank: those of the IMU, and behind them those of the aiding sensors.
+        Of its bank: those of the IMU, behind them those of gravity, and behind them those of the aiding sensors.
     own
         Blocks of the states of the aiding sensors.
     """
-    of_imu = tuple(str(s) for s in states if s.channel != NO_CHANNEL)
-    return NAVIGATION.followed_by(Block("imu", of_imu, "SI", "b", "ImuErrors"), *own)
+    of_imu = tuple(str(s) for s in states if s.is_of_imu)
+    of_gravity = tuple(_NED[GRAVITY.index(s.channel)] for s in states if s.channel in GRAVITY)
+    gravity = [Block("gravity", of_gravity, "m/s^2", "n", "GravityDisturbance")] if of_gravity else []
+    return NAVIGATION.followed_by(Block("imu", of_imu, "SI", "b", "ImuErrors"), *gravity, *own)
 
 
 def channel_columns(channels: Sequence[int]) -> tuple[int, ...]:

@@ -6,18 +6,29 @@ the reference, whose gains all runs share; to first order in the errors the same
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
 from nav_jax.filter.ekf import correction, inject, mechanise, mechanise_with_motion, residual_covariance, update
-from nav_jax.filter.error_model import blocks, full, propagate, transition
-from nav_jax.filter.measurement import Measurements, Sensors, whitened
+from nav_jax.filter.error_model import (
+    Covariance,
+    blocks,
+    covariance_under_earth,
+    full,
+    propagate,
+    transition,
+    under_earth,
+)
+from nav_jax.filter.gating import gated_update
+from nav_jax.filter.measurement import Measurements, Sensors, compensated_means, measurements, whitened
 from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
 from nav_jax.filter.timeline import Comparison, Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
 from nav_jax.imu.bank import SensorBank, alone, step_noises
+from nav_jax.kinematics.earth import Pull
 from nav_jax.kinematics.state import NavState
 
 
@@ -53,7 +64,7 @@ def run_estimate(
     predict
         Keep what is predicted of all scalars after each update, for those that are kept from the filter.
     """
-    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
+    aiding = measurements(timeline, sensors)
     constant, variance = aiding.constant(), aiding.variance
     varies = constant is None or timeline.whitening is not None
     moves = aiding.uses_body or bank.depends
@@ -63,49 +74,62 @@ def run_estimate(
 
     def step(carry, given):
         state, P, status, noise, Phi, pull = carry
-        kind, imu, own = given
+        kind, imu, own, shaken = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
         state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth, pull)
         now = jax.tree.map(lambda a: a[kind], kinds)
+        if shaken is not None:
+            now = eqx.tree_at(lambda n: n.integrated, now, now.integrated + shaken[:, None])
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
         kept = _estimate(state, bank, claim(P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None
         return (state, P, status, noise, Phi, pull), kept
 
     def event(carry, given):
-        state, P, status, noise, Phi, _ = carry
+        state, P, status, noise, Phi, pull = carry
         at, z, own = given
+        P, Phi = _under_earth(P, Phi, timeline, pull, at.halves, 0)
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
-        H = whitened(at.whitening, aiding.derivative(state, reading, bank) if constant is None else constant)
-        whole, done = update(full(P), H, variance, at.valid)
-        c, innovation = correction(done.gain, whitened(at.whitening, z - aiding.predict(state, reading)), H)
+        means = compensated_means(at.means, _of_means(inputs, aiding, noise, own), bank, state.x)
+        H = whitened(at.whitening, aiding.derivative(state, reading, bank, means) if constant is None else constant)
+        residual, passed = whitened(at.whitening, z - aiding.predict(state, reading, means)), None
+        if timeline.gates is None:
+            whole, done = update(full(P), H, variance, at.valid)
+            c, innovation = correction(done.gain, residual, H)
+        else:
+            sizes = [len(s.axes) for s in sensors]
+            whole, done, c, innovation, passed = gated_update(
+                full(P), H, residual, variance, at.valid, sizes, timeline.gates
+            )
         state, P = inject(state, c), blocks(whole)
         status = jnp.where(status == Status.ok, _check(state, whole), status)
         judgement = judge(state, claim(P, alike, sensed), bank, at.truth, inputs.errors.lasting(noise, own), sensed)
         memory = None if Phi is None else Memory(full(P), done.gain, Phi, _over_all(H, len(whole)) if varies else None)
         left = None
         if predict:  # the derivative is that of the update: what it has moved is of second order
-            residual = whitened(at.whitening, z - aiding.predict(state, reading))
+            residual = whitened(at.whitening, z - aiding.predict(state, reading, means))
             left = Comparison(residual, residual_covariance(whole, H, variance))
         pull = timeline.earth.pull(state.p)
-        return (state, P, status, noise, one, pull), (judgement, innovation, done.variance, state, memory, left)
+        P, begin = _under_earth(P, one, timeline, pull, at.halves, 1)
+        kept = judgement, innovation, done.variance, state, memory, left, passed
+        return (state, P, status, noise, begin, pull), kept
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
     # the gradient of gravity is that where a segment begins: on the Earth it changes by 5e-7 of itself with each metre
     pull = timeline.earth.pull(inputs.start.p)
-    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), one, pull)
-    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step)
+    sd = claim(P, alike, _first(timeline)).sd if trace else None
+    P, begin = _under_earth(P, one, timeline, pull, _events(timeline).halves, (0, 0))
+    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), begin, pull)
+    steps = (timeline.pattern, timeline.imu, inputs.errors.per_step, timeline.shaken)
     events = (_events(timeline), inputs.z, inputs.errors.per_segment)
     last, (kept, out) = time_loop(step, event, start, steps, events)
-    judgement, innovation, variance_of, states, memory, left = out
-    whole = None
-    if trace:
-        whole = _trace(timeline, inputs.start, states, bank, claim(P, alike, _first(timeline)).sd, kept, judgement)
-    return Outcome(judgement, innovation, variance_of, last[2], states, whole, memory, left)
+    judgement, innovation, variance_of, states, memory, left, passed = out
+    whole = None if sd is None else _trace(timeline, inputs.start, states, bank, sd, kept, judgement)
+    return Outcome(judgement, innovation, variance_of, last[2], states, whole, memory, left, passed)
 
 
 def reference_gains(
@@ -127,7 +151,7 @@ def reference_gains(
     start
         The reference at the start, one run, with sensor states of zero.
     """
-    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
+    aiding = measurements(timeline, sensors)
     constant, variance = aiding.constant(), aiding.variance
     moves = aiding.uses_body or bank.depends
     alike = alone(bank)
@@ -146,22 +170,27 @@ def reference_gains(
         return (state, P, Phi, pull), claim(P, alike, imu[0, :, None]).sd if trace else None
 
     def event(carry, at):
-        state, P, Phi, _ = carry
+        state, P, Phi, pull = carry
+        P, Phi = _under_earth(P, Phi, timeline, pull, at.halves, 0)
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed, state.x) if moves else None
-        H = aiding.derivative(state, reading, bank) if constant is None else constant
+        means = compensated_means(at.means, None, bank, state.x)
+        H = aiding.derivative(state, reading, bank, means) if constant is None else constant
         whole, done = update(full(P), H, variance, at.valid)
         P = blocks(whole)
         kept = H if constant is None else None
         memory = None if Phi is None else Memory(whole, done.gain, Phi, kept)
         pull = timeline.earth.pull(state.p)
-        return (state, P, one, pull), Gains(done, claim(P, alike, sensed), memory, kept, None)
+        claimed = claim(P, alike, sensed)
+        P, begin = _under_earth(P, one, timeline, pull, at.halves, 1)
+        return (state, P, begin, pull), Gains(done, claimed, memory, kept, None)
 
     P = blocks(P_start[:, :, None])
     events = _events(timeline)
-    carry = (start, P, one, timeline.earth.pull(start.p))
-    _, (sd, gains) = time_loop(step, event, carry, (timeline.pattern, timeline.imu), events)
-    return gains._replace(sd=(claim(P, alike, _first(timeline)).sd, sd)) if trace else gains
+    at_start, pull = claim(P, alike, _first(timeline)).sd, timeline.earth.pull(start.p)
+    P, begin = _under_earth(P, one, timeline, pull, events.halves, (0, 0))
+    _, (sd, gains) = time_loop(step, event, (start, P, begin, pull), (timeline.pattern, timeline.imu), events)
+    return gains._replace(sd=(at_start, sd)) if trace else gains
 
 
 def run_reference(
@@ -176,7 +205,7 @@ def run_reference(
     """
     if trace and gains.sd is None:
         raise ValueError("A trace needs what is claimed at every step: gains_of(experiment, filter, trace=True).")
-    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
+    aiding = measurements(timeline, sensors)
     constant, moves = aiding.constant(), aiding.uses_body or bank.depends
 
     def step(carry, given):
@@ -193,8 +222,9 @@ def run_reference(
         at, known, z, own = given
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
+        means = compensated_means(at.means, _of_means(inputs, aiding, noise, own), bank, state.x)
         H = known.H if constant is None else constant
-        c, innovation = correction(known.update.gain, z - aiding.predict(state, reading), H)
+        c, innovation = correction(known.update.gain, z - aiding.predict(state, reading, means), H)
         state = inject(state, c)
         status = jnp.where(status == Status.ok, _check(state, known.claim.navigation), status)
         judgement = judge(state, known.claim, bank, at.truth, inputs.errors.lasting(noise, own), sensed)
@@ -209,6 +239,11 @@ def run_reference(
     (_, status, _, _), (kept, (judgement, innovation, states)) = time_loop(step, event, start, steps, events)
     whole = None if begin is None else _trace(timeline, inputs.start, states, bank, begin, kept, judgement)
     return Outcome(judgement, innovation, gains.update.variance, status, states, whole, gains.memory)
+
+
+def _of_means(inputs: Inputs, aiding: Measurements, noise: Any, own: Any) -> Float[Array, "W ch R"] | None:
+    """Errors of the means that sensors want; None if they want none."""
+    return inputs.errors.mean(noise, own, aiding.counts) if aiding.windows else None
 
 
 def _estimate(
@@ -242,10 +277,28 @@ class _Event(NamedTuple):
     valid: Float[Array, "M K"]
     sensed: Float[Array, "M ch"]
     whitening: Float[Array, "M K K"] | None
+    means: Float[Array, "M W ch"] | None
+    halves: Float[Array, "M 2"] | None
 
 
 def _events(timeline: Timeline) -> _Event:
-    return _Event(timeline.truth, timeline.valid, timeline.sensed, timeline.whitening)
+    shared = timeline.truth, timeline.valid, timeline.sensed, timeline.whitening, timeline.means
+    return _Event(*shared, timeline.halves)
+
+
+def _under_earth(
+    P: Covariance,
+    Phi: Float[Array, "n n Q"] | None,
+    timeline: Timeline,
+    pull: Pull | None,
+    halves: Float[Array, "*M 2"] | None,
+    which: int | tuple[int, int],
+) -> tuple[Covariance, Float[Array, "n n Q"] | None]:
+    """Covariance, and transition if it is remembered, after half a segment of what the Earth does to errors."""
+    if halves is None:
+        return P, Phi
+    earth = None if pull is None else pull.gradient, timeline.earth.rate, halves[which]
+    return covariance_under_earth(P, *earth), None if Phi is None else under_earth(Phi, *earth)
 
 
 def _over_all(H: Float[Array, "K m Q"], n: int) -> Float[Array, "K n Q"]:

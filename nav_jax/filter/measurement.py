@@ -15,15 +15,18 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
-from nav_jax.aiding.base import AbstractAiding
+from nav_jax.aiding.base import AbstractAiding, Window
 from nav_jax.aiding.states import OwnStates
 from nav_jax.filter.ekf import inject
 from nav_jax.filter.layout import ATTITUDE, JUDGED, NAVIGATION, Block, Layout
+from nav_jax.filter.timeline import Timeline
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
+from nav_jax.kinematics.earth import EarthInLoops
 from nav_jax.kinematics.rotation import cross, rotate_back
 from nav_jax.kinematics.state import BodyMotion, NavState, body_motion
 
@@ -49,6 +52,8 @@ class Measurements(eqx.Module):
     own: OwnStates
     earth_rate: Float[Array, "3 1"] | None
     """In n, rad/s; None where the Earth does not turn."""
+    earth: EarthInLoops | None = None
+    """Needed where a sensor wants means, for the acceleration in n."""
 
     @property
     def linear(self) -> bool:
@@ -59,6 +64,16 @@ class Measurements(eqx.Module):
     def uses_body(self) -> bool:
         """Does a sensor depend on the motion of the body?"""
         return any(s.uses_body for s in self.sensors)
+
+    @property
+    def windows(self) -> tuple[Window, ...]:
+        """Over which sensors want means, one sensor after the other."""
+        return tuple(w for s in self.sensors for w in s.windows)
+
+    @property
+    def counts(self) -> Float[np.ndarray, " W"]:
+        """Samples in each."""
+        return np.array([w.count(self.own.rate) for w in self.windows])
 
     @property
     def variance(self) -> Float[Array, " K"]:
@@ -72,7 +87,12 @@ class Measurements(eqx.Module):
         none = jnp.zeros((0, NAVIGATION.size, 1))
         return jnp.concatenate([none, *(decorrelated(s, _stated(s, NAVIGATION)) for s in self.sensors)])
 
-    def predict(self, state: NavState, reading: Float[Array, "ch R"] | None) -> Float[Array, "K R"]:
+    def predict(
+        self,
+        state: NavState,
+        reading: Float[Array, "ch R"] | None,
+        means: Float[Array, "W ch R"] | None = None,
+    ) -> Float[Array, "K R"]:
         """What is measured without noise.
 
         Parameters
@@ -81,23 +101,32 @@ class Measurements(eqx.Module):
             With all sensor states of the filter.
         reading
             Of the IMU, compensated; None if no sensor uses the motion of the body.
+        means
+            Of readings in the `windows`, compensated; None if there are none.
         """
-        none, body = jnp.zeros((0, state.p.shape[1])), self._body(state, reading)
-        seen = [decorrelated(s, s.predict(self.seen_by(i, state), body)) for i, s in enumerate(self.sensors)]
+        none = jnp.zeros((0, state.p.shape[1]))
+        seen = [
+            decorrelated(s, s.predict(self.seen_by(i, state), self.body(i, state, reading, means)))
+            for i, s in enumerate(self.sensors)
+        ]
         return jnp.concatenate([none, *seen])
 
     def seen_by(self, sensor: int, state: NavState) -> NavState:
         """The state as a sensor sees it, with its own states only."""
         return state._replace(x=self.own.values(state.x, sensor))
 
-    def partials(self, state: NavState, reading: Float[Array, "ch R"] | None) -> Partials:
+    def partials(
+        self,
+        state: NavState,
+        reading: Float[Array, "ch R"] | None,
+        means: Float[Array, "W ch R"] | None = None,
+    ) -> Partials:
         """Derivatives at a state; parameters as of `predict`."""
-        body = self._body(state, reading)
         num_runs, num_own = state.p.shape[1], self.own.readout.shape[0]
         parts = [jnp.zeros((0, NAVIGATION.size + num_own + len(CHANNELS), num_runs))]
         for i, sensor in enumerate(self.sensors):
             a, b = self.own.rows[i]
-            layout = layout_of(sensor)
+            layout, body = layout_of(sensor), self.body(i, state, reading, means)
             H = sensor.jacobian(self.seen_by(i, state), body, layout)
             H = derived(sensor, self.seen_by(i, state), body) if H is None else H
             H = jnp.broadcast_to(decorrelated(sensor, H), (*H.shape[:2], num_runs))
@@ -106,7 +135,7 @@ class Measurements(eqx.Module):
         found = jnp.concatenate(parts)
         n = NAVIGATION.size
         navigation, own, of_body = found[:, :n], found[:, n : n + num_own], found[:, n + num_own :]
-        if body is not None and self.earth_rate is not None:
+        if reading is not None and self.earth_rate is not None:
             axes = jnp.eye(3)[:, :, None]
             turned = jnp.stack([rotate_back(state.q, cross(psi, self.earth_rate)) for psi in axes], axis=1)
             navigation = navigation.at[:, ATTITUDE].add(jnp.einsum("kir,ijr->kjr", of_body[:, 3:], turned))
@@ -119,20 +148,62 @@ class Measurements(eqx.Module):
 
         `reading` is that of the IMU, where the effect of states depends on it.
         """
-        channels = jnp.array(bank.channels[: len(bank.states) - self.own.size], dtype=int)
+        states = bank.states[: len(bank.states) - self.own.size]
+        channels = jnp.array([s.channel if s.is_of_imu else 0 for s in states], dtype=int)
+        felt = np.array([[float(s.is_of_imu)] for s in states]).reshape(-1, 1)
         # what the filter takes for an error of the IMU it takes off the motion of the body
-        imu = -partials.body[:, channels] * bank.readout_at(reading)[None, : len(channels)]
+        imu = -partials.body[:, channels] * (felt * bank.readout_at(reading)[: len(states)])[None]
         own = jnp.einsum("kar,as->ksr", partials.own, self.own.readout)
         return jnp.concatenate([partials.navigation, imu, own], axis=1)
 
     def derivative(
-        self, state: NavState, reading: Float[Array, "ch R"] | None, bank: SensorBank
+        self,
+        state: NavState,
+        reading: Float[Array, "ch R"] | None,
+        bank: SensorBank,
+        means: Float[Array, "W ch R"] | None = None,
     ) -> Float[Array, "K n R"]:
         """Derivatives at a state, along the error state; parameters as of `predict`."""
-        return self.over_state(self.partials(state, reading), bank, reading)
+        return self.over_state(self.partials(state, reading, means), bank, reading)
 
-    def _body(self, state: NavState, reading: Float[Array, "ch R"] | None) -> BodyMotion | None:
-        return None if reading is None else body_motion(reading, state.q, self.earth_rate)
+    def body(
+        self,
+        sensor: int,
+        state: NavState,
+        reading: Float[Array, "ch R"] | None,
+        means: Float[Array, "W ch R"] | None,
+    ) -> BodyMotion | None:
+        """The motion of the body as a sensor sees it."""
+        if reading is None:
+            return None
+        now, first = body_motion(reading, state.q, self.earth_rate), sum(len(s.windows) for s in self.sensors[:sensor])
+        last = first + len(self.sensors[sensor].windows)
+        if first == last or means is None or self.earth is None:
+            return now
+        both = [jnp.concatenate(body_motion(m, state.q, self.earth_rate)[:2]) for m in means[first:last]]
+        fall = self.earth.gravity(state.p, state.v, jnp.zeros(()), None)
+        if self.earth_rate is not None:
+            fall = fall - 2 * cross(self.earth_rate, state.v)
+        return now._replace(means=jnp.stack(both), fall=fall)
+
+
+def measurements(timeline: Timeline, sensors: Sensors, *, drawn: bool = False) -> Measurements:
+    """What sensors measure in a run, with the states that filters have, or with those that are there (drawn)."""
+    own, earth = timeline.drawn if drawn else timeline.own, timeline.earth
+    return Measurements(sensors, own, earth.rate, None if timeline.means is None else earth)
+
+
+def compensated_means(
+    means: Float[Array, "W ch"] | None,
+    errors: Float[Array, "W ch R"] | None,
+    bank: SensorBank,
+    x: Float[Array, "M R"],
+) -> Float[Array, "W ch R"] | None:
+    """Means of readings without the errors that a filter estimates, from those of perfect ones and their errors."""
+    if means is None:
+        return None
+    given = means[:, :, None] + (0.0 if errors is None else errors)
+    return jnp.stack([bank.compensated(m, x) for m in given])
 
 
 def layout_of(sensor: AbstractAiding) -> Layout:
@@ -148,7 +219,7 @@ def derived(sensor: AbstractAiding, state: NavState, body: BodyMotion | None) ->
     n = layout["own"].stop
 
     def h(c: Array) -> Array:
-        moved = body and BodyMotion(body.force + c[layout["force"]], body.rate + c[layout["rate"]])
+        moved = body and body.moved(c[layout["force"]], c[layout["rate"]])
         return sensor.predict(inject(state, c[:n]), moved)
 
     def along(direction: Array) -> Array:

@@ -55,6 +55,43 @@ def _together(sensor: str, channels: tuple[int, ...], same: bool) -> list[Shared
     return [Shared(sensor, channels)] if same else [Shared(CHANNELS[c], (c,)) for c in channels]
 
 
+class Constants(NamedTuple):
+    """Numbers of an error that is no noise, or of gravity, with one value."""
+
+    name: str
+    of: int
+    """Which of the arrays of `constants_of`."""
+    at: tuple[int, ...]
+
+
+def constants_of(errors: ImuErrors, num: int) -> list[Array]:
+    """Arrays of positive numbers besides those of noise and turn-on biases: of so many errors that are no noise."""
+    # by number, and not those that there are: inside of `tree_at` a tuple that is empty is a leaf
+    of_imu = [errors.deterministic[i].sd for i in range(num)]
+    return of_imu if errors.gravity is None else [*of_imu, errors.gravity.sd, errors.gravity.distance]
+
+
+def shared_constants(errors: ImuErrors) -> tuple[Constants, ...]:
+    """As `shared_biases`, of the numbers of `constants_of`."""
+    found = []
+    for i, kind in enumerate(errors.deterministic):
+        sd = concrete(kind.sd)
+        for sensor, channels in SENSORS.items():
+            present = tuple(c for c in channels if kind.present[c])
+            same = present == channels and (sd is None or len({*sd[list(channels)].tolist()}) == 1)
+            found += [Constants(f"{g.name} {kind.label} sd", i, g.channels) for g in _together(sensor, present, same)]
+    if errors.gravity is not None:
+        first, parts = len(errors.deterministic), {"deflection": (0, 1), "anomaly": (2,)}
+        for of, name in ((first, "sd"), (first + 1, "distance")):
+            numbers = concrete(constants_of(errors, first)[of])
+            for part, axes in parts.items():
+                present = tuple(i for i in axes if errors.gravity.present[i])
+                same = present == axes and (numbers is None or len({*numbers[list(axes)].tolist()}) == 1)
+                each = [(f" {'ned'[i]}", (i,)) for i in present] if len(axes) > 1 and not same else [("", present)]
+                found += [Constants(f"gravity {part}{axis} {name}", of, at) for axis, at in each if at]
+    return tuple(found)
+
+
 class ErrorLines(eqx.Module):
     """The parameters of an `ImuErrors`, a model with values, on the real line."""
 
@@ -65,7 +102,9 @@ class ErrorLines(eqx.Module):
     sizes: tuple[int, ...] = eqx.field(static=True)
     """Number of lines of the model of each group: none where the amplitude is zero."""
     biases: tuple[Shared, ...] = eqx.field(static=True)
-    """Their standard deviations come last."""
+    """Their standard deviations come behind the models."""
+    constants: tuple[Constants, ...] = eqx.field(static=True)
+    """And those of other constants behind them."""
     names: tuple[str, ...] = eqx.field(static=True)
     """Such as ``accel GM_1 beta``, ``accel AR(2) phi partial 1`` or ``gyro bias sd``."""
 
@@ -81,6 +120,10 @@ class ErrorLines(eqx.Module):
                 start.append(model.unconstrained())
         names += [f"{group.name} bias sd" for group in self.biases]
         start += [jnp.log(errors.bias_sd[group.channels[0]])[None] for group in self.biases]
+        self.constants = shared_constants(errors)
+        names += [c.name for c in self.constants]
+        known = constants_of(errors, len(errors.deterministic))
+        start += [jnp.log(known[c.of][c.at[0]])[None] for c in self.constants]
         self.names, self.start, self.sizes = tuple(names), jnp.concatenate(start), tuple(sizes)
 
     def build(self, vector: Float[Array, " P"]) -> ImuErrors:
@@ -92,9 +135,15 @@ class ErrorLines(eqx.Module):
                 for channel in group.channels:
                     models[channel] = model
             at += size
-        for x, group in zip(vector[at:], self.biases, strict=True):
-            bias = bias.at[jnp.array(group.channels)].set(jnp.exp(x))
-        return eqx.tree_at(lambda e: (e.models, e.bias_sd), self.errors, (tuple(models), bias))
+        sizes = jnp.exp(vector[at:])
+        for sd, group in zip(sizes[: len(self.biases)], self.biases, strict=True):
+            bias = bias.at[jnp.array(group.channels)].set(sd)
+        num = len(self.errors.deterministic)
+        known = constants_of(self.errors, num)
+        for size, c in zip(sizes[len(self.biases) :], self.constants, strict=True):
+            known[c.of] = known[c.of].at[jnp.array(c.at)].set(size)
+        new = [tuple(models), bias, *known]
+        return eqx.tree_at(lambda e: [e.models, e.bias_sd, *constants_of(e, num)], self.errors, new)
 
     def values(self, vector: Any) -> Float[np.ndarray, " P"]:
         """What is on the lines, per sample: each number is a function of its own line."""
@@ -102,7 +151,9 @@ class ErrorLines(eqx.Module):
         for group, size in zip(self.groups, self.sizes, strict=True):
             if size:
                 out += [float(v) for p in built.models[group.channels[0]].processes for v in p.per_line().values()]
-        return np.array(out + [float(built.bias_sd[group.channels[0]]) for group in self.biases])
+        out += [float(built.bias_sd[group.channels[0]]) for group in self.biases]
+        known = constants_of(built, len(built.deterministic))
+        return np.array(out + [float(known[c.of][c.at[0]]) for c in self.constants])
 
 
 def _is_silent(model: NoiseModel) -> bool:
@@ -113,8 +164,8 @@ def _is_silent(model: NoiseModel) -> bool:
 class AidingLines(eqx.Module):
     """The standard deviations that a filter believes of aiding sensors, and their true noise, as factors.
 
-    The start is zero: a number x multiplies the standard deviations of a component by exp(x). The standard deviation of
-    a sensor's own state, such as a scale factor, is none of them and stays as it is.
+    The start is zero: a number x multiplies the standard deviations of a component by exp(x). Those of a
+    sensor's own states, such as a scale factor, are none of them: see `nav_jax.aiding.states.OwnStates.scaled`.
     """
 
     sensors: tuple[AbstractAiding, ...]

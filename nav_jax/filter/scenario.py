@@ -9,7 +9,8 @@ from gmwm_jax._internal.checks import integer, number, of_kind
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.aiding.states import group_names
+from nav_jax.filter.initial import InitialUncertainty, warn_of_attitude
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.trajectory.trajectory import Trajectory
 
@@ -20,7 +21,7 @@ OUTPUT_INTERVAL = 1.0
 """Default s between the epochs of results."""
 
 
-@saved()
+@saved(added=("neglected", "suspected"))
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario:
     """A trajectory with its aiding, its start and its Earth: all of a study but the noise of the IMU and the filters.
@@ -46,12 +47,22 @@ class Scenario:
         than a thousandth and take a third of the time, and less of a design or a tuning: state them where time counts.
     output_interval
         s between the epochs at which results are kept.
+    neglected
+        Errors of aiding sensors that are there and that no filter has as states, by sensor and error: ``gnss_position
+        lever_arm`` where a `GnssPosition` was given ``lever_arm_sd=...``.
+    suspected
+        Errors of aiding sensors that filters have as states, and that are zero.
 
     Raises
     ------
     ValueError
         A part of another class, two sensors of one name, a sensor without a fix, an outage outside the run, a number
-        out of range, a trajectory that is about another point than the Earth or leaves it.
+        out of range, a trajectory that is about another point than the Earth or leaves it, an error that no sensor has.
+
+    Warns
+    -----
+    LinearisationWarning
+        The attitude at the start is less certain than 10 deg.
 
     Examples
     --------
@@ -66,10 +77,13 @@ class Scenario:
     earth: AbstractEarth = field(default_factory=FlatEarth)
     every: int = EVERY
     output_interval: Real = OUTPUT_INTERVAL
+    neglected: Sequence[str] = ()
+    suspected: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         of_kind("reference", self.reference, Trajectory)
         of_kind("initial", self.initial, InitialUncertainty)
+        warn_of_attitude(self.initial)
         of_kind("earth", self.earth, AbstractEarth)
         object.__setattr__(self, "aiding", tuple(self.aiding))
         object.__setattr__(self, "every", integer("every", self.every, 1))
@@ -77,6 +91,13 @@ class Scenario:
             if not isinstance(s, AbstractAiding):
                 raise ValueError(f"Aiding is made of sensors such as GnssPosition, and {s!r} is none.")
         require_names([s.name for s in self.aiding])
+        known = group_names(self.aiding)
+        for field_name in ("neglected", "suspected"):
+            given = tuple(getattr(self, field_name))
+            object.__setattr__(self, field_name, given)
+            if unknown := [name for name in given if name not in known]:
+                listed = ", ".join(map(repr, known)) or "none"
+                raise ValueError(f"{field_name}: {unknown[0]!r} is no error of a sensor here; there are {listed}.")
         start, end = float(self.reference.time[0]), float(self.reference.time[-1])
         output_times(start, end, self.output_interval)
         for s in self.aiding:

@@ -8,7 +8,6 @@ from jaxtyping import Array, Float
 from nav_jax.filter.error_model import Covariance
 from nav_jax.filter.layout import ATTITUDE, GROUPS, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank, by_channel, multiples
-from nav_jax.imu.channels import NO_CHANNEL
 from nav_jax.kinematics.linalg import matmul3, root, transpose, whiten
 from nav_jax.kinematics.rotation import quat_conjugate, quat_multiply, quat_to_rotvec
 from nav_jax.kinematics.state import NavState
@@ -86,7 +85,7 @@ def judge(
     y = jnp.cumsum(whiten(N[order][:, order], error[order]) ** 2, axis=0)
     velocity = jnp.sum(whiten(N[VELOCITY, VELOCITY], error[VELOCITY]) ** 2, axis=0)
     attitude = jnp.sum(whiten(N[ATTITUDE, ATTITUDE], error[ATTITUDE]) ** 2, axis=0)
-    seen = jnp.array(sorted({*bank.channels} - {NO_CHANNEL}), dtype=int)
+    seen = jnp.array(sorted({s.channel for s in bank.states if s.is_of_imu}), dtype=int)
     if len(seen):
         of_sensors = jnp.sum(whiten(claim.sensors[seen][:, seen], sensors[seen]) ** 2, axis=0)
     else:

@@ -12,13 +12,14 @@ It is the smoother of Rauch, Tung and Striebel, linearised about the filter's es
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
 from nav_jax.filter.ekf import inject
 from nav_jax.filter.error_model import blocks
 from nav_jax.filter.layout import ON_CHANNELS
-from nav_jax.filter.measurement import Measurements, Sensors
+from nav_jax.filter.measurement import Sensors, measurements
 from nav_jax.filter.score import Truth, claim, judge
 from nav_jax.filter.timeline import Memory, Outcome, Timeline
 from nav_jax.imu.bank import SensorBank, alone
@@ -37,9 +38,14 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
     memory = outcome.memory
     if memory is None:
         raise ValueError("A smoother needs what the filter remembers: gains_of(experiment, filter, smooth=True).")
-    aiding = Measurements(sensors, timeline.own, timeline.earth.rate)
+    aiding = measurements(timeline, sensors)
     constant = None if memory.H is not None else aiding.constant()
-    state, P = smooth_events(timeline.valid, constant, outcome)
+    valid = timeline.valid
+    if outcome.passed is not None:
+        sizes = np.array([len(s.axes) for s in sensors])
+        taken = jnp.repeat(outcome.passed, sizes, axis=1, total_repeat_length=valid.shape[1])
+        valid = jnp.where(taken, valid[:, :, None], 0.0)
+    state, P = smooth_events(valid, constant, outcome)
     sensed = timeline.sensed[:, :, None]
     lasting = jax.vmap(bank.errors)(outcome.state.x, sensed) - outcome.judgement.error[:, ON_CHANNELS]
 
@@ -51,14 +57,14 @@ def smoothed(timeline: Timeline, bank: SensorBank, sensors: Sensors, outcome: Ou
 
 
 def smooth_events(
-    valid: Float[Array, "M K"], H: Float[Array, "K nav 1"] | None, outcome: Outcome
+    valid: Float[Array, "M K *R"], H: Float[Array, "K nav 1"] | None, outcome: Outcome
 ) -> tuple[NavState, Float[Array, "M n n Q"]]:
     """Smoothed estimate of each run and its covariance at the end of each segment.
 
     Parameters
     ----------
     valid
-        1 where a scalar is measured at the end of a segment.
+        1 where a scalar is measured at the end of a segment, and taken; of each run where gates refuse some.
     H
         Derivative of each scalar with respect to the navigation errors; None where the filter remembers one for each
         event.

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from gmwm_jax._internal.checks import as_float
 from nav_jax.aiding.base import AbstractAiding
@@ -16,6 +17,7 @@ from nav_jax.filter.ekf import Update
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.schedule import Schedule
 from nav_jax.filter.score import Claim, Judgement, Truth
+from nav_jax.filter.windows import window_means
 from nav_jax.imu.bank import SensorBank
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import AbstractErrors
@@ -40,10 +42,27 @@ class Timeline(eqx.Module):
     sensed: Float[Array, "M ch"]
     """The perfect sample that begins at the end of each segment, or goes on there."""
     own: OwnStates
-    """States of the aiding sensors."""
+    """States of the aiding sensors that filters have."""
+    drawn: OwnStates
+    """Those that are there."""
     whitening: Float[Array, "M K K"] | None = None
     """What is multiplied onto residuals and derivatives of scalars whose noise is another at every event; None where
     it is the same at all."""
+    means: Float[Array, "M W ch"] | None = None
+    """Of perfect samples about the end of each segment, in the windows of all sensors; None if there are none."""
+    shaken: Float[Array, "M G ch"] | None = None
+    """Variance of further white noise in the integral of each channel over each step; None for none."""
+    gates: Float[Array, " S"] | None = None
+    """Of each sensor, the normalised innovation squared beyond which its fixes are refused; None where all are taken.
+    Of filters with a covariance of their own."""
+
+    @property
+    def halves(self) -> Float[Array, "M 2"] | None:
+        """Half of the length of each segment and of the next, s; None where errors feel the Earth at every step."""
+        if not self.earth.by_segment:
+            return None
+        half = jnp.sum(jnp.sum(self.dt, axis=1)[self.pattern], axis=1) / 2
+        return jnp.stack([half, jnp.append(half[1:], 0.0)], axis=1)
 
 
 class Inputs(NamedTuple):
@@ -119,6 +138,8 @@ class Outcome(NamedTuple):
     """If it was asked for."""
     comparison: Comparison | None = None
     """If it was asked for."""
+    passed: Bool[Array, "M S R"] | None = None
+    """Which of the sensors' fixes passed their gates, where there are gates."""
 
 
 class Gains(NamedTuple):
@@ -140,8 +161,16 @@ def timeline_of(
     fix_segments: Sequence[Int[np.ndarray, " _"]],
     truth: Truth,
     earth: AbstractEarth,
+    *,
+    neglected: Sequence[str] = (),
+    suspected: Sequence[str] = (),
+    shaken: Float[np.ndarray, "samples ch"] | None = None,
 ) -> Timeline:
-    """The schedule of a run with its IMU, as arrays."""
+    """The schedule of a run with its IMU, as arrays.
+
+    For `neglected` and `suspected` see `Scenario`; `shaken` are densities of further white noise, of each sample, in SI
+    units squared per Hz.
+    """
     M, G = schedule.pattern.shape
     # pieces that fill up after the last sample take any
     samples = np.minimum(schedule.samples, len(imu) - 1)
@@ -151,6 +180,10 @@ def timeline_of(
         valid[segments, at : at + size] = 1.0
     after = np.minimum(np.cumsum(schedule.ends[schedule.pattern].sum(axis=(1, 2))).astype(int), len(imu) - 1)
     both = np.concatenate([imu.accel, imu.gyro], axis=1)
+    added = None
+    if shaken is not None:
+        lengths = schedule.dt[schedule.pattern]
+        added = as_float(np.einsum("mgn,mgnc->mgc", lengths, shaken[samples].reshape(M, G, -1, len(CHANNELS))))
     return Timeline(
         imu=as_float(both[samples].reshape(M, G, -1, len(CHANNELS))),
         pattern=jax.device_put(schedule.pattern),
@@ -160,7 +193,10 @@ def timeline_of(
         valid=as_float(valid),
         earth=_in_loops(earth),
         sensed=as_float(both[after]),
-        own=own_states(sensors, imu.rate),
+        own=own_states(sensors, imu.rate, neglected),
+        drawn=own_states(sensors, imu.rate, suspected),
+        means=window_means(imu, schedule.time, [w for s in sensors for w in s.windows]),
+        shaken=added,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float64
 
 from nav_jax.filter.parameters import Shared, shared_channels
-from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.bank import SensorBank, Travel
 from nav_jax.imu.channels import CHANNELS, SensorState
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import correlation_time, filter_form, markov_model
@@ -69,7 +69,8 @@ class Family(eqx.Module):
     def num_states(self, structure: Structure) -> int:
         """Sensor states of a filter, turn-on biases and other constants included."""
         constants = sum(len(self.truth.constants(channel)) for channel in range(len(CHANNELS)))
-        return 3 * sum(structure) + len(self.truth.biased) + constants
+        gravity = 0 if self.truth.gravity is None else len(self.truth.gravity.axes)
+        return 3 * sum(structure) + len(self.truth.biased) + constants + gravity
 
     def mask(self, structure: Structure) -> Float[Array, " S"]:
         """1 for the processes of a structure."""
@@ -158,6 +159,15 @@ class Family(eqx.Module):
                     driving.append(jnp.zeros(1))
                     initial.append(constant.sd[None] ** 2)
                     states.append(constant.state)
+        own = self.truth.bank().travel
+        travel = None
+        if self.truth.gravity is not None and own is not None:
+            fresh = self.truth.gravity.states
+            phi.append(jnp.ones(len(fresh)))
+            driving.append(jnp.zeros(len(fresh)))
+            initial.append(own.variance[-len(fresh) :])
+            travel = Travel(*(jnp.concatenate([jnp.zeros(len(states)), a[-len(fresh) :]]) for a in own))
+            states += fresh
         return SensorBank(
             transition=jnp.diag(jnp.concatenate(phi)),
             driving=jnp.diag(jnp.concatenate(driving)),
@@ -167,6 +177,7 @@ class Family(eqx.Module):
             rate=jnp.asarray(self.truth.rate),
             states=tuple(states),
             diagonal=True,
+            travel=travel,
         )
 
     def errors(self, start: Start, structure: Structure) -> ImuErrors:
@@ -185,6 +196,7 @@ class Family(eqx.Module):
             accel_bias_sd=sd[:3],
             gyro_bias_sd=sd[3:],
             deterministic=self.truth.deterministic,
+            gravity=self.truth.gravity,
             start=self.truth.start,
         )
 

@@ -22,6 +22,7 @@ from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS, chann
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.output import warn_of_range
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.lincov.covariance import Lincov, linear_covariance, motion_of
 from nav_jax.statistics.distributions import chi2_quantile, weighted_chi2_cdf
@@ -288,6 +289,11 @@ def analyse(
     ValueError
         A truth that is a recording or has a process without state-space form; rates that differ.
 
+    Warns
+    -----
+    SaturationWarning
+        The reference reaches the range of the true IMU.
+
     Examples
     --------
     >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
@@ -300,6 +306,7 @@ def analyse(
     truth = model_of(truth)
     filters = named_filters(truth, filters)
     setup = Setup(scenario, check_rates(truth, filters))
+    warn_of_range(truth.output, setup.imu)
     motion = motion_of(setup.experiment)
     # always given: with or without it there is one program
     initial = scenario.initial if believed_initial is None else believed_initial
@@ -314,7 +321,7 @@ def analyse(
     try:
         for name, f in filters.items():
             computed = linear_covariance(setup.experiment, truth, f, believed_initial=initial, motion=motion)
-            found[name] = covariances_of(setup, computed, f, name, _unexcited(truth, f))
+            found[name] = covariances_of(setup, computed, f, name, (*_of_output(truth), *_unexcited(truth, f)))
             bar.update(1)
     finally:
         bar.close()
@@ -332,6 +339,10 @@ def model_of(truth: ImuErrors | RecordedErrors) -> ImuErrors:
     if not isinstance(truth, ImuErrors):
         raise ValueError(f"Covariances follow from a model: truth is ImuErrors, and this is {truth!r}.")
     return truth
+
+
+def _of_output(truth: ImuErrors) -> tuple[str, ...]:
+    return () if truth.output is None else truth.output.notes()
 
 
 def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:

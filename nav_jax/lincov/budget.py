@@ -26,8 +26,9 @@ from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import shared_channels
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.bank import SensorBank, alone
-from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.channels import CHANNELS, GRAVITY
 from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.output import warn_of_range
 from nav_jax.lincov.analysis import model_of
 from nav_jax.lincov.covariance import Noise, covariances_of_many, motion_of, noise_of
 from nav_jax.statistics.epochs import Judged
@@ -124,7 +125,7 @@ def error_budget(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None 
     """Split the mean square error of a filter into what each source of noise makes of it.
 
     Sources are the processes of accelerometers and gyros (of three axes together where they have one model), turn-on
-    biases, the uncertainty of the start, and each aiding sensor.
+    biases and other constants, the disturbance of gravity, the uncertainty of the start, and each aiding sensor.
 
     Parameters
     ----------
@@ -151,6 +152,7 @@ def error_budget(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None 
     truth = model_of(truth)
     believed = truth if filter is None else filter
     setup = Setup(scenario, check_rates(truth, {"filter": believed}))
+    warn_of_range(truth.output, setup.imu)
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
     noise, ours, motion = noise_of(experiment, truth), believed.bank(), motion_of(experiment)
     sources = _sources(experiment, truth, noise)
@@ -189,6 +191,8 @@ def _only(noise: Noise, w: _Weights) -> Noise:
         noise.imu,
         (w.states[:, None] * noise.imu.driving, w.states[:, None] * noise.imu.initial, w.white * noise.imu.white),
     )
+    if imu.travel is not None:
+        imu = eqx.tree_at(lambda b: b.travel.variance, imu, w.states * imu.travel.variance)
     aiding = eqx.tree_at(lambda a: a.forms, noise.aiding, forms)
     return Noise(w.start[:, None] * noise.start * w.start[None, :], imu, aiding)
 
@@ -211,6 +215,10 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
         mine = [(i, s.label.split(" ")[0]) for i, s in enumerate(noise.imu.states) if s.channel in group.channels]
         for label in dict.fromkeys(label for _, label in mine):
             add(f"{group.name} {label}", states=[i for i, of in mine if of == label])
+    for name, channels in (("deflection", GRAVITY[:2]), ("anomaly", GRAVITY[2:])):
+        found_at = [i for i, s in enumerate(noise.imu.states) if s.channel in channels]
+        if found_at:
+            add(f"gravity {name}", states=found_at)
     across = np.array(noise.start)
     starts = {name: NAVIGATION[name] for name in NAVIGATION.names}
     for part in starts.values():
@@ -221,11 +229,11 @@ def _sources(experiment: Experiment, truth: ImuErrors, noise: Noise) -> dict[str
         for name, part in starts.items():
             if known[part].any():
                 add(f"start {name}", start=NAVIGATION.columns(name))
-    own, at = experiment.timeline.own, M - experiment.timeline.own.size
-    first = 0
+    own = experiment.timeline.drawn
+    at, first = M - own.size, 0
     for sensor, (a, b) in zip(experiment.sensors, own.parts, strict=True):
-        if a < b:
-            add(f"{sensor.name} {', '.join(s.name for s in sensor.states)}", states=range(at + a, at + b))
+        for group in dict.fromkeys(own.groups[a:b]):
+            add(group, states=[at + i for i in range(a, b) if own.groups[i] == group])
         add(sensor.name, aiding=range(first, first + len(sensor.axes)))
         first += len(sensor.axes)
     return found

@@ -28,15 +28,15 @@ from jaxtyping import Bool, Float, Int
 from gmwm_jax._internal.programs import bounded
 from nav_jax.aiding.states import joined, power
 from nav_jax.filter.ekf import mechanise_with_motion, update
-from nav_jax.filter.error_model import Covariance, Motion, blocks, full, propagate
+from nav_jax.filter.error_model import Covariance, Motion, blocks, covariance_under_earth, full, propagate
 from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.loop import time_loop
-from nav_jax.filter.measurement import Measurements, Partials
+from nav_jax.filter.measurement import Measurements, Partials, measurements
 from nav_jax.filter.score import Claim, Truth, claim
-from nav_jax.filter.timeline import start_covariance
-from nav_jax.imu.bank import SensorBank, alone, step_noises
+from nav_jax.filter.timeline import Timeline, start_covariance
+from nav_jax.imu.bank import SensorBank, Travel, alone, step_noises
 from nav_jax.imu.channels import CHANNELS, NO_CHANNEL, SensorState
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import markov_form
@@ -82,9 +82,7 @@ def motion_of(experiment: Experiment) -> Motion:
         def step(state, given):
             kind, imu = given
             dt, ends = timeline.dt[kind], timeline.ends[kind]
-            return mechanise_with_motion(
-                state, imu[:, :, None], dt, ends, none, timeline.earth, pull, with_reading=True
-            )
+            return mechanise_with_motion(state, imu[:, :, None], dt, ends, none, timeline.earth, pull, with_all=True)
 
         return jax.lax.scan(step, state, given)
 
@@ -169,7 +167,7 @@ def noise_of(experiment: Experiment, truth: ImuErrors) -> Noise:
         jnp.stack(first) if forms else zero[:0],
         tuple(nums),
     )
-    bank = joined(truth.bank(complete=True), experiment.timeline.own)
+    bank = joined(truth.bank(complete=True), experiment.timeline.drawn)
     return Noise(experiment.initial.covariance, bank, aiding)
 
 
@@ -247,10 +245,11 @@ def covariances_of_many(
     noises, ours = _repeated(noises, lanes), jax.vmap(lambda bank: joined(bank, timeline.own))(ours)
     joint = jax.vmap(_joint)(_repeated(ours, lanes), noises)
     aiding, elapsed = noises.aiding, noises.aiding.elapsed[0]  # all lanes have the same fixes
-    sensors = Measurements(experiment.sensors, timeline.own, timeline.earth.rate)
+    sensors, true_sensors = (measurements(timeline, experiment.sensors, drawn=drawn) for drawn in (False, True))
     constant, variance = sensors.constant(), sensors.variance
     partials = None if sensors.linear else _along(experiment, sensors)
     motion = motion if joint.depends else motion._replace(reading=None)
+    motion = motion if joint.travel is not None else motion._replace(distance=None)
     readout, white = jax.vmap(lambda a: (a.readout, a.white), out_axes=-1)(aiding)
     kinds = [step_noises(banks, timeline.dt, timeline.ends) for banks in (ours, joint)]
     # as in a Monte Carlo, rounding errors are no part of what the states stand for
@@ -266,12 +265,13 @@ def covariances_of_many(
         return tuple(propagate(P, motion, noise) for P, noise in zip(carry, now, strict=True)), None
 
     def event(carry, given):
-        P, J = carry
-        valid, elapsed, sensed, partials, truth = given
+        valid, elapsed, sensed, partials, truth, earth = given
+        P, J = (_under_earth(X, timeline, earth, 0) for X in carry)
         sensed = sensed[:, None]
         H, of_rest = constant, readout
         if H is None:
-            H, h = (_over_states(sensors, partials, banks, sensed) for banks in (ours, noises.imu))
+            H = _over_states(sensors, partials, ours, sensed)
+            h = _over_states(true_sensors, partials, noises.imu, sensed)
             # what the true states add to a measurement, they take off the innovation
             of_rest = jnp.concatenate([-h[:, NAVIGATION.size :], readout], axis=1)
         whole, done = update(full(P), H, variance, valid)
@@ -286,15 +286,46 @@ def covariances_of_many(
             valid * done.variance,
             positive,
         )
-        return (P, J), out
+        return tuple(_under_earth(X, timeline, earth, 1) for X in (P, J)), out
 
     P = jax.vmap(lambda bank: start_covariance(initial, bank), out_axes=-1)(ours)
     J = jax.vmap(lambda n, bank: n.aiding.advance(block_diag(n.start, bank.initial), n.aiding.first), out_axes=-1)(
         noises, joint
     )
-    carry, events = (blocks(P), blocks(J)), (timeline.valid, elapsed, timeline.sensed, partials, timeline.truth)
+    earth = _pulls(experiment)
+    carry = tuple(_under_earth(blocks(X), timeline, jax.tree.map(lambda a: a[0], earth), 0) for X in (P, J))
+    events = (timeline.valid, elapsed, timeline.sensed, partials, timeline.truth, earth)
     found = time_loop(step, event, carry, (timeline.pattern, motion), events)[1][1]
     return jax.tree.map(lambda a: jnp.moveaxis(jnp.broadcast_to(a, (*a.shape[:-1], lanes)), -1, 0), found)
+
+
+class _Pulls(NamedTuple):
+    """What the Earth does to errors in a segment (0) and in the next (1), where it is by the segment."""
+
+    halves: Float[Array, "*M 2"]
+    """Half of their lengths, s."""
+    gradient: Float[Array, "*M 2 3 3 1"] | None
+    """Of gravity, where they begin."""
+
+
+def _pulls(experiment: Experiment) -> _Pulls | None:
+    timeline = experiment.timeline
+    if timeline.halves is None:
+        return None
+    gradient = None
+    if timeline.earth.constant is None:
+        begin = jnp.concatenate([experiment.start.p[None], timeline.truth.p])
+        found = jax.vmap(timeline.earth.earth.gradient_n)(begin)
+        gradient = jnp.stack([found[:-1], found[1:]], axis=1)
+    return _Pulls(timeline.halves, gradient)
+
+
+def _under_earth(P: Covariance, timeline: Timeline, earth: _Pulls | None, which: int) -> Covariance:
+    """A covariance after half a segment of what the Earth does to errors."""
+    if earth is None:
+        return P
+    gradient = None if earth.gradient is None else earth.gradient[which]
+    return covariance_under_earth(P, gradient, timeline.earth.rate, earth.halves[which])
 
 
 def _along(experiment: Experiment, sensors: Measurements) -> Partials:
@@ -302,10 +333,11 @@ def _along(experiment: Experiment, sensors: Measurements) -> Partials:
     timeline = experiment.timeline
     nothing = jnp.zeros((timeline.own.size, 1))
 
-    def at(truth: Truth, sensed: Array) -> Partials:
-        return sensors.partials(NavState(truth.p, truth.v, truth.q, nothing), sensed[:, None])
+    def at(truth: Truth, sensed: Array, means: Array | None) -> Partials:
+        state = NavState(truth.p, truth.v, truth.q, nothing)
+        return sensors.partials(state, sensed[:, None], None if means is None else means[:, :, None])
 
-    return jax.vmap(at)(timeline.truth, timeline.sensed)
+    return jax.vmap(at)(timeline.truth, timeline.sensed, timeline.means)
 
 
 def _over_states(
@@ -383,6 +415,21 @@ def _joint(ours: SensorBank, noise: Noise) -> SensorBank:
         rate=truth.rate,
         states=(*ours.states, *truth.states, *(SensorState(NO_CHANNEL, "aiding noise") for _ in range(aiding.size))),
         diagonal=ours.diagonal and truth.diagonal,
+        travel=_both_travel(ours, truth, aiding.size),
+    )
+
+
+def _both_travel(ours: SensorBank, truth: SensorBank, others: int) -> Travel | None:
+    """Of the filter's states, which nothing drives in truth, the true ones, and others that do not fade."""
+    if ours.travel is None and truth.travel is None:
+        return None
+    none = jnp.zeros(others)
+    mine, true = (
+        Travel(*2 * (jnp.zeros(len(bank.states)),)) if bank.travel is None else bank.travel for bank in (ours, truth)
+    )
+    return Travel(
+        jnp.concatenate([mine.inverse, true.inverse, none]),
+        jnp.concatenate([jnp.zeros_like(mine.variance), true.variance, none]),
     )
 
 

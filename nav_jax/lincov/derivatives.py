@@ -27,6 +27,7 @@ from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
+from nav_jax.imu.output import warn_of_range
 from nav_jax.kinematics.linalg import root
 from nav_jax.lincov.analysis import model_of
 from nav_jax.lincov.covariance import Noise, covariances_along, motion_of, noise_of
@@ -133,19 +134,29 @@ class _Problem(eqx.Module):
         self.truth, self.believed = ErrorLines(truth), ErrorLines(believed)
         known = np.diag(np.asarray(experiment.initial.covariance))
         self.starts = tuple(name for name in NAVIGATION.names if known[NAVIGATION[name]].any())
-        factors = (*self.aiding.names, *(f"start {name} sd" for name in self.starts))
-        self.names = (*self.truth.names, *factors, *self.believed.names, *factors)
-        half = len(self.truth.names) + len(factors)
-        self.sides = ("truth",) * half + ("filter",) * (len(self.names) - half)
-        zero = jnp.zeros(len(factors))
-        self.start = jnp.concatenate([self.truth.start, zero, self.believed.start, zero])
-        sizes = [len(self.truth.names), len(self.aiding.names), len(self.starts)]
-        self.cuts = tuple(np.cumsum([*sizes, len(self.believed.names), *sizes[1:]])[:-1].tolist())
+        starts = tuple(f"start {name} sd" for name in self.starts)
+        names, sides, start, sizes = [], [], [], []
+        for side, lines, own in (
+            ("truth", self.truth, experiment.timeline.drawn),
+            ("filter", self.believed, experiment.timeline.own),
+        ):
+            factors = (self.aiding.names, tuple(f"{name} sd" for name in own.names), starts)
+            sizes += [len(part) for part in (lines.names, *factors)]
+            names += [*lines.names, *(name for part in factors for name in part)]
+            start += [lines.start, jnp.zeros(sum(map(len, factors)))]
+            sides += [side] * (len(names) - len(sides))
+        self.names, self.sides, self.start = tuple(names), tuple(sides), jnp.concatenate(start)
+        self.cuts = tuple(np.cumsum(sizes)[:-1].tolist())
 
     def parts(self, vector: Float[Array, " P"]) -> tuple[Experiment, Noise, ImuErrors, InitialUncertainty]:
         """Arguments of `covariances_along`."""
-        true, true_aiding, true_start, believed, aiding, start = jnp.split(vector, self.cuts)
-        experiment, covariance = self.experiment, self.experiment.initial.covariance
+        true, true_aiding, true_own, true_start, believed, aiding, own, start = jnp.split(vector, self.cuts)
+        covariance, timeline = self.experiment.initial.covariance, self.experiment.timeline
+        experiment = eqx.tree_at(
+            lambda e: (e.timeline.drawn, e.timeline.own),
+            self.experiment,
+            (timeline.drawn.scaled(jnp.exp(true_own)), timeline.own.scaled(jnp.exp(own))),
+        )
         noise = noise_of(experiment, self.truth.build(true))
         noise = eqx.tree_at(
             lambda n: (n.start, n.aiding),
@@ -199,6 +210,7 @@ def sensitivities(scenario: Scenario, truth: ImuErrors, filter: ImuErrors | None
     truth = model_of(truth)
     believed = truth if filter is None else filter
     setup = Setup(scenario, check_rates(truth, {"filter": believed}))
+    warn_of_range(truth.output, setup.imu)
     experiment, at = setup.experiment, jnp.asarray(setup.output_segments)
     motion, problem = motion_of(experiment), _Problem(experiment, truth, believed)
     derivative, rms = _derivatives(problem, motion, at)

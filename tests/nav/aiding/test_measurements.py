@@ -12,11 +12,16 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from gmwm_jax import GM, RW, WN
+from gmwm_jax._internal.states import from_state, to_state
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.base import AbstractAiding
-from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
+from nav_jax.aiding.dual_antenna import DualAntenna
+from nav_jax.aiding.gnss import Gnss, GnssPosition, GnssVelocity
+from nav_jax.aiding.magnetometer import Magnetometer
+from nav_jax.aiding.non_holonomic import NonHolonomic
 from nav_jax.aiding.odometer import Odometer
 from nav_jax.aiding.registry import AIDING
+from nav_jax.aiding.standstill import AbstractStandstill, ZeroRate, ZeroVelocity
 from nav_jax.aiding.states import joined, own_states
 from nav_jax.filter.ekf import correction, inject, update
 from nav_jax.filter.layout import NAVIGATION
@@ -33,7 +38,8 @@ class Case:
     noise: dict[str, float]
     sd: tuple[float, ...]
     measures: Any
-    """(position, velocity, matrix C_nb, own states, body rate) of one run -> the components."""
+    """(position, velocity, matrix C_nb, own states, body rate) of one run -> the components; where a sensor
+    wants means, also these and the acceleration of a falling body."""
     options: dict[str, Any] = field(default_factory=dict)
 
     def build(self, *args, **options):
@@ -42,8 +48,43 @@ class Case:
 
 ARM = np.array([1.5, -0.4, 0.9])
 GNSS_P, GNSS_V = {"horizontal": 0.025, "vertical": 0.05}, {"horizontal": 0.01, "vertical": 0.02}
+GNSS = GNSS_P | {"horizontal_velocity": 0.01, "vertical_velocity": 0.02}
 WHEEL = {"speed": 0.05, "sideways": 0.1}
+SIDEWAYS = {"right": 0.03, "down": 0.04}
+FIELD = np.array([0.22, 0.01, 0.43])  # any unit serves the mathematics
+COMPASS, PAIR = {"field": tuple(FIELD)}, {"baseline": tuple(ARM)}
 ON_ARM = {"lever_arm": tuple(ARM)}
+
+SLOW = "GM(beta=0.1, variance=0.01)"
+T = 0.25
+
+
+def turn(vector):
+    return Rotation.from_rotvec(vector).as_matrix()
+
+
+def turned(pitch, yaw):
+    """The axes of a vehicle in those of a body."""
+    return Rotation.from_euler("ZY", [yaw, pitch]).as_matrix()
+
+
+def late_and_averaged(p, v, C, x, w, means, fall):
+    """A whole receiver: the arm, the clock, the drift of positions and velocities, and the mean over the past T."""
+    arm, tau = ARM + x[:3], x[3]
+    (even, even_rate), (rising, _), (_, past_rate) = ((m[:3], m[3:]) for m in means)
+    a = C @ even + fall
+    now = turn(tau * even_rate)
+    swept = (arm - turn(-T * past_rate) @ arm) / T
+    seen_p = p + tau * v + tau**2 / 2 * a + C @ now @ arm
+    seen_v = v + tau * a - T / 2 * (C @ rising + fall) + C @ now @ swept
+    return np.concatenate([seen_p + x[4:7], seen_v + x[7:]])
+
+
+def late(p, v, C, x, w, means, fall):
+    """A velocity of a moment on an arm, by a clock."""
+    even, rate = means[0][:3], means[0][3:]
+    return v + x[0] * (C @ even + fall) + C @ turn(x[0] * rate) @ np.cross(w, ARM)
+
 
 CASES = (
     Case(GnssPosition, GNSS_P, (0.025, 0.025, 0.05), lambda p, v, C, x, w: p),
@@ -59,19 +100,75 @@ CASES = (
         lambda p, v, C, x, w: (C.T @ v + np.cross(w, ARM)) * [1 + x[0], 1, 1],
         ON_ARM | {"scale_sd": 0.02},
     ),
+    Case(Gnss, GNSS, (0.025, 0.025, 0.05, 0.01, 0.01, 0.02), lambda p, v, C, x, w: np.concatenate([p, v])),
+    Case(
+        GnssPosition,
+        GNSS_P,
+        (0.025, 0.025, 0.05),
+        lambda p, v, C, x, w: p + C @ x[:3] + x[3:],
+        {"lever_arm_sd": (0.1, 0.2, 0.0), "drift": (SLOW, "RW(gamma2=1e-4)")},
+    ),
+    Case(GnssVelocity, GNSS_V, (0.01, 0.01, 0.02), late, ON_ARM | {"time_offset_sd": 0.1}),
+    Case(
+        Gnss,
+        GNSS,
+        (0.025, 0.025, 0.05, 0.01, 0.01, 0.02),
+        late_and_averaged,
+        ON_ARM
+        | {"lever_arm_sd": 0.1, "time_offset_sd": 0.1, "averaged": T, "drift": SLOW, "drift_velocity": (SLOW,) * 3},
+    ),
+    Case(
+        Barometer,
+        {"height": 0.5},
+        (0.5,),
+        lambda p, v, C, x, w: -p[2:] * (1 + x[1]) + x[0],
+        {"offset_sd": 1.0, "offset_noise": SLOW, "scale_sd": 0.01},
+    ),
+    Case(NonHolonomic, SIDEWAYS, (0.03, 0.04), lambda p, v, C, x, w: (C.T @ v)[1:]),
+    Case(
+        NonHolonomic,
+        SIDEWAYS,
+        (0.03, 0.04),
+        lambda p, v, C, x, w, means, fall: (
+            turned(x[2], x[3]).T[1:] @ (C.T @ v + np.cross(means[0][3:], ARM + np.array([x[0], 0, x[1]])))
+        ),
+        ON_ARM | {"lever_arm_sd": (0.1, 0.2), "mount_sd": 0.05, "mount_noise": "RW(gamma2=1e-7)"},
+    ),
+    Case(Magnetometer, {"sd": 0.01}, (0.01,) * 3, lambda p, v, C, x, w: C.T @ FIELD, COMPASS),
+    Case(
+        Magnetometer,
+        {"sd": 0.01},
+        (0.01,) * 3,
+        lambda p, v, C, x, w: C.T @ FIELD + x,
+        COMPASS | {"hard_iron_sd": 0.1},
+    ),
+    Case(DualAntenna, GNSS_P, (0.025, 0.025, 0.05), lambda p, v, C, x, w: C @ ARM, PAIR),
+    Case(
+        DualAntenna,
+        GNSS_P,
+        (0.025, 0.025, 0.05),
+        lambda p, v, C, x, w: C @ (ARM + x),
+        PAIR | {"offset_sd": (0.1, 0.2, 0.0)},
+    ),
+    Case(ZeroVelocity, {"sd": 0.02}, (0.02,) * 3, lambda p, v, C, x, w: v),
+    Case(ZeroRate, {"sd": 1e-4}, (1e-4,) * 3, lambda p, v, C, x, w, means, fall: means[0][3:]),
 )
-IDS = [c.cls.__name__ + " with an arm" * ("lever_arm" in c.options) for c in CASES]
+IDS = [" with ".join([c.cls.__name__, *c.options]) for c in CASES]
 every_sensor = pytest.mark.parametrize("case", CASES, ids=IDS)
 
 
 def random_motion(sensor, seed, num):
     """Any states, attitudes and body motions."""
     rng = np.random.default_rng(seed)
-    p, v, force, rate = rng.normal(size=(4, 3, num))
+    p, v, force, rate, fall = rng.normal(size=(5, 3, num))
     q = rng.normal(size=(4, num))
     x = 0.1 * rng.normal(size=(len(sensor.states), num))
     state = NavState(*map(jnp.asarray, (p, v, q / np.linalg.norm(q, axis=0), x)))
-    return state, BodyMotion(jnp.asarray(force), jnp.asarray(rate))
+    body = BodyMotion(jnp.asarray(force), jnp.asarray(rate))
+    if sensor.windows:
+        means = rng.normal(size=(len(sensor.windows), 6, num))
+        body = body._replace(means=jnp.asarray(means), fall=jnp.asarray(fall))
+    return state, body
 
 
 def test_every_sensor_of_the_registry_has_a_row():
@@ -86,14 +183,15 @@ def test_it_measures_what_it_says(case):
     for run in range(5):
         p, v, q, x, rate = (np.asarray(a)[:, run] for a in (*state, body.rate))
         C = Rotation.from_quat(q, scalar_first=True).as_matrix()
-        np.testing.assert_allclose(seen[:, run], case.measures(p, v, C, x, rate), rtol=1e-12, atol=1e-13)
+        means = (np.asarray(body.means)[..., run], np.asarray(body.fall)[:, run]) if sensor.windows else ()
+        np.testing.assert_allclose(seen[:, run], case.measures(p, v, C, x, rate, *means), rtol=1e-12, atol=1e-13)
 
 
 @eqx.filter_jit
 def after_error(sensor, state, body, c):
     """What is measured after an error c of the state, the body's motion included."""
     layout = layout_of(sensor)
-    moved = BodyMotion(body.force + c[layout["force"]], body.rate + c[layout["rate"]])
+    moved = body.moved(c[layout["force"]], c[layout["rate"]])
     return sensor.predict(inject(state, c[: layout["own"].stop]), moved)
 
 
@@ -129,16 +227,17 @@ def test_linear_sensors_have_one_derivative():
 @every_sensor
 def test_standard_deviations_are_those_of_the_noise_unless_told_otherwise(case):
     np.testing.assert_allclose(case.build().believed, case.sd, rtol=1e-12)
-    doubled = 1.0 if len(case.sd) == 1 else (1.0, 2.0)
+    doubled = {1: 1.0, 2: (1.0, 2.0), 3: (1.0, 2.0), 6: (1.0, 2.0, 3.0, 4.0)}[len(case.sd)]
+    doubled = 1.0 if issubclass(case.cls, AbstractStandstill | Magnetometer) else doubled  # all components are alike
     assert case.build(believed=doubled).believed[0] == 1.0
 
 
 @every_sensor
 def test_beliefs_are_one_a_component_or_one_a_group_and_nothing_else(case):
-    each = [0.1, 0.2, 0.3][: len(case.sd)]
+    each = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6][: len(case.sd)]
     np.testing.assert_array_equal(case.build(believed=each).believed, each)
     np.testing.assert_array_equal(case.build(believed=jnp.array(each)).believed, each)
-    for wrong in ([0.1] * 4, [], [each]):
+    for wrong in ([0.1] * 5, [], [each]):
         with pytest.raises(ValueError, match="standard deviations, and this is"):
             case.build(believed=wrong)
 
@@ -355,3 +454,21 @@ def test_noise_without_a_variance_needs_a_belief():
     with pytest.raises(ValueError, match="RW has no constant variance"):
         Barometer(height=WN(0.04) + RW(1e-4))
     assert Barometer(height=WN(0.04) + RW(1e-4), believed=0.3).believed[0] == 0.3
+
+
+@every_sensor
+def test_it_is_saved(case):
+    """With all its settings, to the last bit."""
+    sensor = case.build(2.0, outages=[(3.0, 4.0)], name="mine")
+    assert eqx.tree_equal(from_state(to_state(sensor)), sensor)
+
+
+def test_a_field_or_a_baseline_of_nothing_is_refused_and_one_may_be_traced():
+    with pytest.raises(ValueError, match="magnetometer: a field of zero shows no direction"):
+        Magnetometer(sd=1.0, field=(0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match=r"dual_antenna: a baseline has three components \(front, right, down, in m\)"):
+        DualAntenna(**GNSS_P, baseline=(1.0, 0.0))
+    with pytest.raises(ValueError, match="dual_antenna: a baseline must be finite"):
+        DualAntenna(**GNSS_P, baseline=(1.0, 0.0, float("nan")))
+    given = jnp.array([1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(jax.jit(lambda b: DualAntenna(**GNSS_P, baseline=b).baseline)(given), given)

@@ -12,6 +12,7 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.filter import LinearisationWarning
 
 REFERENCE = nj.motions.lemniscate(5.0, 20.0)
 AIDING = setups.aiding(2.5, 4.0)
@@ -106,3 +107,10 @@ def test_the_covariance_step_has_one_default():
     assert default == 1
     for f in (nj.navigate, nj.tune):
         assert inspect.signature(f).parameters["every"].default == default
+
+
+def test_an_attitude_that_no_linearisation_holds_is_said():
+    reference = nj.motions.static(2.0, 10.0)
+    with pytest.warns(LinearisationWarning, match=r"30 deg, .* Align first"):
+        nj.Scenario(reference, initial=nj.InitialUncertainty(attitude_sd=np.deg2rad([1.0, 1.0, 30.0])))
+    nj.Scenario(reference, initial=nj.InitialUncertainty(attitude_sd=np.deg2rad([1.0, 1.0, 10.0])))

@@ -48,6 +48,13 @@ def test_lines_are_the_parameters():
     built = unequal.build(unequal.start + jnp.log(jnp.array([2.0, 3.0, 4.0, 5.0])))
     np.testing.assert_allclose(built.bias_sd, [0, 0.4, 1.0, 0, 0, 0])
     np.testing.assert_allclose(unequal.values(unequal.start), [1e-4, 1e-6, 0.1, 0.2])
+    kinds = [nj.imu.ScaleFactor([1e-3, 0.0, 2e-3], 3e-3), nj.imu.GSensitivity(1e-6)]
+    constants = ErrorLines(nj.ImuErrors(gj.WN(0.0), gj.WN(0.0), setups.RATE, deterministic=kinds))
+    assert constants.names == ("accel x scale sd", "accel z scale sd", "gyro scale sd", "gyro g-sensitivity sd")
+    np.testing.assert_allclose(constants.values(constants.start), [1e-3, 2e-3, 3e-3, 1e-6])
+    doubled = constants.build(constants.start + jnp.log(2.0)).deterministic
+    np.testing.assert_allclose(doubled[0].sd, 2 * kinds[0].sd)
+    np.testing.assert_allclose(doubled[1].sd, 2 * kinds[1].sd)
     aiding = AidingLines(AIDING)
     assert aiding.names[:2] == ("gnss_position n, e sd", "gnss_position d sd")
     louder = aiding.believe(jnp.log(jnp.arange(1.0, 6.0)))

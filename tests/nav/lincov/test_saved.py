@@ -61,6 +61,23 @@ SCENARIOS = {
         nj.Barometer(height=0.5, first=0.5),
         nj.Odometer(10.0, speed=0.05, sideways=(0.02, 0.03), scale_sd=0.01, scale_noise="RW(gamma2=1e-10)"),
         nj.Odometer(5.0, speed=0.05, lever_arm=(-1.0, 0.0, 0.5), name="wheel"),
+        nj.aiding.ZeroVelocity(5.0, sd=0.02),
+        nj.aiding.Magnetometer(10.0, sd=2e-7, field=(22e-6, 1e-6, 43e-6), hard_iron_sd=1e-6),
+        nj.aiding.DualAntenna(
+            5.0, horizontal=0.005, vertical=0.01, baseline=(1.0, 0.0, 0.0), offset_sd=(0.0, 0.01, 0.01)
+        ),
+        nj.aiding.NonHolonomic(
+            10.0,
+            right=0.03,
+            down="WN(sigma2=1e-3)",
+            lever_arm=(-1.0, 0.0, 0.3),
+            lever_arm_sd=(0.1, 0.2),
+            mount_sd=0.01,
+            mount_noise="RW(gamma2=1e-8)",
+            believed=(0.1, 0.2),
+            faster=2.0,
+        ),
+        nj.aiding.ZeroRate(2.0, sd="WN(sigma2=1e-8)", believed=2e-4, slower=0.05),
     ],
     "none": [],
 }
@@ -133,10 +150,12 @@ def test_files_know_these_classes():
     assert own == [
         f"nav_jax.{name}"
         for name in (
-            "Analysis", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison", "Covariances", "Design",
-            "Estimates", "Fixes", "FlatEarth", "GnssPosition", "GnssVelocity", "ImuErrors", "InitialUncertainty",
-            "Misalignment", "Navigation", "Odometer", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
-            "Sensitivities", "Track", "Trajectory", "Tuning", "Wgs84",
-            "Withheld",
+            "Analysis", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison", "Covariances",
+            "Definition", "Design", "DualAntenna", "Estimates", "Fixes", "FlatEarth", "GSensitivity", "Gnss",
+            "GnssPosition", "GnssVelocity", "GravityDisturbance", "ImuErrors", "ImuSpecification",
+            "InitialUncertainty", "Magnetometer", "Misalignment", "Navigation", "NonHolonomic", "Odometer",
+            "OutageStudy", "Output", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
+            "Sensitivities", "Track", "Trajectory", "Tuning", "VibrationNoise", "Wgs84", "Withheld", "ZeroRate",
+            "ZeroVelocity",
         )
     ]  # fmt: skip
