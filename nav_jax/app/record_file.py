@@ -21,7 +21,7 @@ from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from nav_jax.aiding.fixes import Fixes
-from nav_jax.aiding.gnss import AbstractNed, GnssPosition
+from nav_jax.aiding.gnss import AbstractReceiver, Gnss, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
 from nav_jax.app.sections import (
     AIDING,
@@ -40,6 +40,7 @@ from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
+from nav_jax.imu.vibration import VibrationNoise
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.recorded.alignment import Start, align_by_course, between, mounted, turned
@@ -49,6 +50,8 @@ from nav_jax.recorded.gnss.record import GnssRecord
 from nav_jax.recorded.gnss.registry import FORMATS
 from nav_jax.recorded.inspection import Inspection, inspect_record
 from nav_jax.recorded.navigation import Navigation, navigate
+from nav_jax.recorded.outages import Intervals
+from nav_jax.recorded.study import OutageStudy, outage_study
 from nav_jax.recorded.tuning import Tuning, tune
 from nav_jax.trajectory.columns import choose
 from nav_jax.trajectory.files import read_trajectory
@@ -67,6 +70,8 @@ _OF_SAMPLES = ("gaps", "samples", "stamps")
 """Keys of these that `read_samples` does not know."""
 
 Columns = dict[str, int | str]
+Factor = Annotated[float, Field(ge=0)]
+Probability = Annotated[float, Field(ge=0.5, lt=1)]
 Three = Field(strict=False)
 
 
@@ -146,7 +151,7 @@ class FixesSection(Aiding):
 
     def is_gnss_file(self) -> bool:
         """Is it a file of a receiver, rather than a table of a sensor's values?"""
-        if not issubclass(self.sensor, AbstractNed):
+        if not issubclass(self.sensor, AbstractReceiver):
             return False
         asked = {*_GNSS_READ, *_GNSS_MAKE, "exclude"} & self.model_fields_set
         known = any(Path(self.file).suffix.lower() in f.suffixes for f in FORMATS.values())
@@ -163,7 +168,11 @@ class FixesSection(Aiding):
             raise ValueError(f"{wrong[0]} is for files of GNSS receivers, and this is a {self.type}.")
         options = ("type", "file", "exclude", "time_offset", *_FIXES_READ, *_GNSS_READ, *_GNSS_MAKE)
         sensor = self.sensor(**self.given(*options))  # type: ignore[call-arg]
-        return read_fixes(folder / self.file, sensor, origin=origin, **how), None
+        fixes = read_fixes(folder / self.file, sensor, origin=origin, **how)
+        if sensor.states and len(fixes.time) > 1:  # whose models are per fix
+            rate = float(1 / np.median(np.diff(fixes.time)))
+            fixes = replace(fixes, sensor=self.sensor(rate, **self.given(*options)))  # type: ignore[call-arg]
+        return fixes, None
 
     def receiver(self, folder: Path, origin: Sequence[float] | None) -> GnssRecord:
         """What a file of a receiver has, but for the qualities that are left out, on its own clock."""
@@ -175,10 +184,17 @@ class FixesSection(Aiding):
         if "believed" in self.model_fields_set:
             raise ValueError("believed: what the filter believes of recorded fixes is horizontal and vertical.")
         record = self.receiver(folder, origin)
-        own = ("horizontal", "vertical", *_GNSS_MAKE, "lever_arm", "outages", "name")
+        own = (*self.sensor.settings, *_GNSS_MAKE, "outages", "name")
         options = {k: getattr(self, k) for k in own if k in self.model_fields_set}
-        make = record.position_fixes if issubclass(self.sensor, GnssPosition) else record.velocity_fixes
-        return make(**options), record
+        if not issubclass(self.sensor, Gnss):
+            make = record.position_fixes if issubclass(self.sensor, GnssPosition) else record.velocity_fixes
+            return make(**options), record
+        of_both = {k: options.pop(k) for k in _GNSS_MAKE if k in options}
+        position, velocity = (
+            of_both | {k: options.pop(k + end) for k in ("horizontal", "vertical") if k + end in options}
+            for end in ("", "_velocity")
+        )
+        return record.fixes(position, velocity, **options), record
 
 
 def _fixes_section(kind: str, section: type[Aiding]) -> Any:
@@ -186,7 +202,7 @@ def _fixes_section(kind: str, section: type[Aiding]) -> Any:
     stated: dict[str, Any] = {
         name: (Annotated[field.annotation, *field.metadata], None)
         for name, field in section.model_fields.items()
-        if field.is_required() and name != "type" and issubclass(section.sensor, AbstractNed)
+        if field.is_required() and name != "type" and issubclass(section.sensor, AbstractReceiver)
     }
     return create_model(f"fixes_{kind}", __base__=(FixesSection, section), **stated)
 
@@ -221,11 +237,17 @@ class ReferenceSection(Section):
 
 
 class RecordRunSection(OfEarth):
-    """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes output_interval and smooth."""
+    """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes all but `every`.
+
+    ``vibration = 0.1``, or ``{accel = 0.1, gyro = 0.05}``: factors of `nav_jax.imu.VibrationNoise`.
+    ``gate = 0.999``, or ``{gnss = 0.999}``: the probability with which a good fix passes.
+    """
 
     every: Annotated[int, Field(ge=1)] = EVERY
     output_interval: Time = OUTPUT_INTERVAL
     smooth: bool = False
+    vibration: Factor | dict[Literal["gyro", "accel"], Factor] | None = None
+    gate: Probability | dict[str, Probability] | None = None
 
 
 class RecordOutputSection(FolderSection):
@@ -281,7 +303,19 @@ class RecordConfig:
     def navigate(self, name: str) -> Navigation:
         """Navigate by a filter of this name."""
         options = {"output_interval": self.run.output_interval, "smooth": self.run.smooth, "reference": self.reference}
-        return navigate(self.imu, self.aiding, self.filters[name], **self._start(), **options)
+        return navigate(self.imu, self.aiding, self.filters[name], **self._start(), **self._noticed(), **options)
+
+    def outages(self, name: str, schedules: Sequence[Intervals], **options: Any) -> OutageStudy:
+        """Study outages with a filter of this name; options as of `nav_jax.recorded.outage_study`."""
+        given: dict[str, Any] = {**self._start(), **self._noticed(), **options}
+        return outage_study(self.imu, self.aiding, self.filters[name], schedules, **given)
+
+    def _noticed(self) -> dict[str, Any]:
+        """What a filter takes notice of beside its model."""
+        given = self.run.vibration
+        each = given if isinstance(given, dict) else {"accel": given, "gyro": given}
+        noise = None if given is None else VibrationNoise(each.get("accel") or 0.0, each.get("gyro") or 0.0)
+        return {"vibration": noise, "gate": self.run.gate}
 
     def _start(self) -> dict[str, Any]:
         return {
@@ -412,7 +446,7 @@ def _start(record: RecordSection, imu: Imu, read: _Fixes, gravity: float) -> tup
     begin = align_by_course(imu, gnss, gravity=gravity, **speed)
     position = begin.position if record.position is None else np.array(record.position)
     velocity = begin.velocity if record.velocity is None else np.array(record.velocity)
-    arm = next((f.sensor.lever_arm for f in read.fixes if isinstance(f.sensor, AbstractNed)), None)
+    arm = next((f.sensor.lever_arm for f in read.fixes if isinstance(f.sensor, AbstractReceiver)), None)
     if arm is not None and record.position is None:  # fixes are those of the antenna
         q = jnp.asarray(begin.quaternion)[:, None]
         position = position - np.asarray(rotation.rotate(q, jnp.asarray(arm)[:, None]))[:, 0]

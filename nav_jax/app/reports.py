@@ -28,6 +28,7 @@ from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_st
 from nav_jax.plotting.trajectory import plot_trajectory
 from nav_jax.recorded.inspection import Inspection
 from nav_jax.recorded.navigation import Navigation
+from nav_jax.recorded.study import OutageStudy
 from nav_jax.recorded.tuning import Tuning
 from nav_jax.simulation.comparison import Comparison
 
@@ -194,6 +195,26 @@ def tuning_report(tuning: Tuning) -> Report:
     return Report("tuning", f"{tuning!r}\n\n{section}", content, {"tuning.png": tuning.plot}, section)
 
 
+def outages_report(name: str, study: OutageStudy, notes: Sequence[str]) -> Report:
+    """How far off it was at the ends of simulated outages."""
+    columns = {"run": study.schedule, "start": study.start, "end": study.end, "error": study.size,
+               "claimed": study.claimed, "nees": study.nees / study.error.shape[1]}  # fmt: skip
+    rows = zip(*(x.tolist() for x in columns.values()), strict=True)
+    content = {
+        "filter": name,
+        "sensor": study.sensor,
+        "unit": study.unit,
+        "median": study.median,
+        "rms": study.rms,
+        "mean_nees": study.mean_nees,
+        "nees_band": study.nees_band,
+        "outages": [dict(zip(columns, row, strict=True)) for row in rows],
+        "notes": list(notes),
+    }
+    text = "\n".join([f"{name}: {study!r}", *(["", *notes] if notes else [])])
+    return Report("outages", text, content, {"outages.png": study.plot})
+
+
 def inspection_report(inspection: Inspection) -> Report:
     """What is in a record."""
     return Report("inspection", repr(inspection), inspection.to_dict(), {"inspection.png": inspection.plot})
@@ -214,6 +235,11 @@ def navigation_report(name: str, navigation: Navigation, notes: Sequence[str]) -
         "nis": {
             sensor: {"mean": float(nis.mean()), "num_fixes": len(nis), "dof": navigation.innovation[sensor].shape[1]}
             for sensor, nis in navigation.nis.items()
+        },
+        "refused": {
+            f.sensor.name: f.time[f.given][navigation.refused[f.sensor.name]].tolist()
+            for f in navigation.fixes
+            if f.sensor.name in navigation.refused
         },
         "outages": ends,
         "reference": None

@@ -46,6 +46,8 @@ from nav_jax.plotting.navigation import plot_sensor_estimates as plot_sensor_est
 from nav_jax.plotting.navigation import plot_withheld as plot_withheld
 from nav_jax.plotting.navigation import sensor_estimates_data as sensor_estimates_data
 from nav_jax.plotting.navigation import withheld_data as withheld_data
+from nav_jax.plotting.recorded import outages_data as outages_data
+from nav_jax.plotting.recorded import plot_outages as plot_outages
 from nav_jax.plotting.recorded import plot_tuning as plot_tuning
 from nav_jax.plotting.recorded import tuning_data as tuning_data
 from nav_jax.plotting.runs import errors_data as errors_data

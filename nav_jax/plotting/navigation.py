@@ -12,7 +12,7 @@ from gmwm_jax._internal.figure_data import Axis, Band, Bars, Frame, Item, Line, 
 from gmwm_jax._internal.figures import describe, entries_of, frames, legend_below, put
 from gmwm_jax._internal.palette import COLOURS
 from nav_jax.aiding.fixes import Fixes
-from nav_jax.aiding.gnss import GnssPosition
+from nav_jax.aiding.gnss import Gnss, GnssPosition
 from nav_jax.filter.layout import ON_CHANNELS
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.plotting._style import (
@@ -68,7 +68,7 @@ def navigation_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Fra
     for fixes in _positions(navigation):
         for label, chosen in (("fix", fixes.given), ("fix kept from the filter", ~fixes.given)):
             if chosen.any():
-                north, east, down = fixes.value[chosen].T
+                north, east, down = fixes.value[chosen, :3].T
                 plan.append(Points(label, east, north))
                 height.append(Points(label, fixes.time[chosen], -down))
     plan.append(Line("navigation", p[:, 1], p[:, 0]))
@@ -78,12 +78,12 @@ def navigation_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Fra
 
 
 def _positions(navigation: Navigation) -> list[Fixes]:
-    return [f for f in navigation.fixes if isinstance(f.sensor, GnssPosition)]
+    return [f for f in navigation.fixes if isinstance(f.sensor, GnssPosition | Gnss)]
 
 
 def _outages(navigation: Navigation) -> tuple[tuple[float, float], ...]:
     """Of all sensors, each once."""
-    return tuple(dict.fromkeys(pair for f in navigation.fixes for pair in f.sensor.outages))
+    return tuple(dict.fromkeys(pair for f in navigation.fixes for pair in f.outages))
 
 
 def _ellipses(navigation: Navigation, sigmas: float) -> list[Item]:
@@ -179,7 +179,7 @@ def innovations_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Fr
             size = f"sd {np.median(sd[:, k]):.2g} {fixes.sensor.unit} in the median"
             title = f"{name} {axis}: {size}\nrms {rms:.2f} of 1, outside {share:.1f} % of {_outside(sigmas):.1f} %"
             bounds = (Mark(f"±{sigmas:g} sd", sigmas, "y"), Mark("", -sigmas, "y"))
-            items = (Points("innovation", time, ratio), *bounds, *outage_items(fixes.sensor.outages))
+            items = (Points("innovation", time, ratio), *bounds, *outage_items(fixes.outages))
             shown.append(Frame(title, TIME, Axis("innovation / its sd", ""), items))
     return tuple(shown)
 

@@ -1,4 +1,4 @@
-"""The figure of a tuning by a record."""
+"""The figures of a tuning by a record, and of outages that were simulated on it."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -8,6 +8,7 @@ from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Item, Mark, Points
 from gmwm_jax._internal.figures import describe, frames, legend_below, put
 from gmwm_jax._internal.palette import COLOURS
 from nav_jax.plotting._style import INK, draw, grid, logarithmic, positive
+from nav_jax.recorded.study import OutageStudy
 from nav_jax.recorded.tuning import Tuning
 
 _STYLES = {
@@ -17,6 +18,8 @@ _STYLES = {
     "held": {"color": INK, "marker": "s", "ms": 8},
     "lost in the search": {"color": COLOURS[1], "marker": "D", "ms": 7},
 }
+
+_CLAIMED = "#b5cde4"
 
 
 def tuning_data(t: Tuning) -> tuple[Frame]:
@@ -107,3 +110,61 @@ def _widest(t: Tuning) -> float:
     """The end of the axis."""
     low, high = np.sort([t.ci_low / t.start, t.ci_high / t.start], axis=0)
     return float(1.3 * np.nanmax([2.0, *high, *(1 / positive(low))]))
+
+
+def outages_data(study: OutageStudy) -> tuple[Frame]:
+    """Return what `plot_outages` shows: the error at the end of each outage, and what was claimed of it.
+
+    Parameters
+    ----------
+    study
+        Of outages.
+
+    Examples
+    --------
+    >>> error, covariance = np.array([[0.3, 0.4]]), np.eye(2)[None]
+    >>> once = np.array([60.0])
+    >>> study = nj.recorded.OutageStudy("gnss", "m", np.array([0]), once, once + 15.0, error, covariance)
+    >>> nj.plotting.outages_data(study)[0].y.unit
+    'm'
+    """
+    order = np.argsort(study.start, kind="stable")
+    k = np.arange(len(order), dtype=float)
+    size, claimed = study.size[order], study.claimed[order]
+    what = "horizontal error" if study.error.shape[1] == 2 else "error"
+    title = f"{study.sensor}: median {study.median:.3g}, RMS {study.rms:.3g} {study.unit}"
+    items = (Bars("claimed (rms)", k, claimed, 0 * claimed, claimed), Points("predicted - measured", k, size))
+    names = tuple(f"{a:g}" for a in study.start[order])
+    return (Frame(title, Axis("outage from, s", "", names=names), Axis(what, study.unit), items),)
+
+
+@draw.register(OutageStudy)
+def plot_outages(study: OutageStudy, *, axes: GivenAxes | None = None) -> Figure:
+    """Plot the error at the end of each simulated outage beside what the filter claimed of it.
+
+    Parameters
+    ----------
+    study
+        Of outages.
+    axes
+        The Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> error, covariance = np.array([[0.3, 0.4]]), np.eye(2)[None]
+    >>> once = np.array([60.0])
+    >>> study = nj.recorded.OutageStudy("gnss", "m", np.array([0]), once, once + 15.0, error, covariance)
+    >>> nj.plotting.plot_outages(study).savefig("study.png")
+    """
+    (frame,) = outages_data(study)
+    figure, (ax,) = frames(axes, 1, 1, (max(6.0, 1.5 + 0.45 * len(study.start)), 4.2))
+    claimed, measured = frame.items
+    put(ax, claimed, color=_CLAIMED, fmt="|", elinewidth=7)
+    put(ax, measured, color=INK, marker="o", ls="")
+    describe(ax, frame)
+    ax.set(xticks=range(len(study.start)), xticklabels=frame.x.names, xlim=(-0.6, len(study.start) - 0.4))
+    ax.tick_params(axis="x", rotation=60 if len(study.start) > 8 else 0)
+    ax.set_ylim(bottom=0.0)
+    grid(ax)
+    legend_below(figure, [ax], alone=axes is None)
+    return figure

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Bool, Float64, Int
 
 from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
@@ -36,10 +36,13 @@ from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.emulation import AtEnd, GivenErrors
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
+from nav_jax.imu.vibration import VibrationNoise
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.state import NavState
 from nav_jax.kinematics.wgs84 import Wgs84
 from nav_jax.recorded._export import export_navigation, navigation_dataset
+from nav_jax.recorded.gates import Gate, gate_line, limits_of, warn_of_rows
+from nav_jax.recorded.outages import Outages, without
 from nav_jax.recorded.reference import ReferenceErrors
 from nav_jax.recorded.withheld import Withheld
 from nav_jax.statistics.distributions import chi2_quantile
@@ -61,9 +64,11 @@ def _check(navigation: "Navigation") -> None:
             raise ValueError(f"{name} is of {', '.join(found) or 'no sensor'}, and not of the fixes that were given.")
     if not set(navigation.withheld) <= set(given):
         raise ValueError("There are fixes that were withheld of sensors without fixes.")
+    if any(len(x) != given.get(name) for name, x in navigation.refused.items()):
+        raise ValueError("refused is not of the fixes that were given.")
 
 
-@saved(not_finite=_OF_A_FAILED_FILTER, check=_check)
+@saved(added=("refused",), not_finite=_OF_A_FAILED_FILTER, check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
 class Navigation(Drawable, Saved):
     """The result of `navigate`: an integrated navigation solution.
@@ -94,6 +99,8 @@ class Navigation(Drawable, Saved):
         those of the filter.
     errors
         Against the reference, if there is one.
+    refused
+        Sensor with a gate -> which of the fixes that the filter was given did not pass, shape (F,).
     """
 
     trajectory: Trajectory
@@ -107,6 +114,7 @@ class Navigation(Drawable, Saved):
     fixes: tuple[Fixes, ...] = ()
     withheld: Mapping[str, Withheld] = field(default_factory=dict)
     errors: ReferenceErrors | None = None
+    refused: Mapping[str, Bool[np.ndarray, " _"]] = field(default_factory=dict)
 
     @property
     def time(self) -> Float64[np.ndarray, " E"]:
@@ -179,6 +187,11 @@ class Navigation(Drawable, Saved):
             f"standard deviations at {self.time[-1]:g} s",
             format_table(["", "unit", "N", "E", "D"], rows, left=2),
             *(_nis_line(s, x, self.innovation[s].shape[1]) for s, x in self.nis.items()),
+            *(
+                gate_line(f.sensor.name, f.time[f.given], self.refused[f.sensor.name])
+                for f in self.fixes
+                if f.sensor.name in self.refused
+            ),
             *(f"\n{s} in its outages, predicted - measured\n{w!r}" for s, w in self.withheld.items()),
         ]
         return "\n".join(lines if self.errors is None else [*lines, "", repr(self.errors)])
@@ -224,6 +237,8 @@ def prepare_navigation(
     output_interval: Real,
     earth: AbstractEarth | None,
     reference: Trajectory | None = None,
+    vibration: VibrationNoise | None = None,
+    gate: Gate | None = None,
 ) -> Prepared:
     """Check and arrange a record; parameters and errors as of `navigate`."""
     if abs(filter.rate / imu.rate - 1) > 1e-6:
@@ -251,9 +266,12 @@ def prepare_navigation(
     p, v, q = (as_float(a[:, None]) for a in start.values())
     begin = NavState(p, v, q, as_float(np.zeros((0, 1))))
     truth = _truth(reference, schedule.time, earth)
-    timeline = timeline_of(
-        imu, schedule, sensors, [s[f.given] for s, f in zip(fixes, aiding, strict=True)], truth, earth
-    )
+    given = [s[f.given] for s, f in zip(fixes, aiding, strict=True)]
+    shaken = None if vibration is None else vibration.densities(imu)
+    timeline = timeline_of(imu, schedule, sensors, given, truth, earth, shaken=shaken)
+    limits = limits_of(gate, sensors)
+    if limits is not None:
+        timeline = eqx.tree_at(lambda t: t.gates, timeline, as_float(limits), is_leaf=lambda x: x is None)
     z = np.zeros((M, timeline.valid.shape[1], 1))
     columns = np.cumsum([0, *(len(s.axes) for s in sensors)])
     spans = list(zip(aiding, fixes, columns[:-1], columns[1:], strict=True))
@@ -328,6 +346,9 @@ def navigate(
     earth: AbstractEarth | None = None,
     smooth: bool = False,
     reference: Trajectory | None = None,
+    outages: Outages = (),
+    vibration: VibrationNoise | None = None,
+    gate: Gate | None = None,
     throw: bool = True,
 ) -> Navigation:
     """Run the filter on recorded sensors.
@@ -355,6 +376,14 @@ def navigate(
         Give the estimate of the fixed-interval smoother, from all fixes of the record, at every output and fix.
     reference
         A trajectory to be compared with, on the same clock and in the same frame; the filter knows nothing of it.
+    outages
+        Intervals (start, end) in s, in which the fixes of all receivers, ends included, are kept from the filter; or
+        sensor -> intervals.
+    vibration
+        White noise that grows with what the samples show of vibration, beside that of `filter`; none unless given.
+    gate
+        Refuse fixes whose normalised innovation squared, over all components, lies beyond the quantile of this
+        probability, 0.999 say, if the filter is right; or sensor -> its own. All are taken unless given.
     throw
         Raise if the filter fails; else its status says so.
 
@@ -366,9 +395,15 @@ def navigate(
     ------
     ValueError
         Another rate, fixes outside the record, arrays of wrong shape, two sensors of one name, a start or an Earth of
-        another class, a reference of another time.
+        another class, a reference of another time, an outage that holds no fix or has none before it, a gate that is
+        no probability.
     RuntimeError
         The filter failed, and ``throw``.
+
+    Warns
+    -----
+    RefusedFixesWarning
+        A gate refused five fixes in a row.
 
     Examples
     --------
@@ -385,6 +420,9 @@ def navigate(
     'ok'
     """
     of_kind("initial", initial, InitialUncertainty)
+    if vibration is not None:
+        of_kind("vibration", vibration, VibrationNoise)
+    aiding = without(aiding, outages)
     done = prepare_navigation(
         imu,
         aiding,
@@ -396,9 +434,11 @@ def navigate(
         output_interval=output_interval,
         earth=earth,
         reference=reference,
+        vibration=vibration,
+        gate=gate,
     )
-    outages = not all(f.given.all() for f in aiding)
-    how = {"trace": not smooth, "smooth": smooth, "predict": outages}
+    predict = not all(f.given.all() for f in aiding)
+    how = {"trace": not smooth, "smooth": smooth, "predict": predict}
     outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, **how)
     status = Status(int(outcome.status[0]))
     if throw and status is not Status.ok:
@@ -406,15 +446,19 @@ def navigate(
             f"The filter failed: {status.sentence}. Look at the start, the units of the sensors and the noise model; "
             "with throw=False the solution up to there is returned."
         )
-    nu, sd, withheld = {}, {}, {}
+    nu, sd, withheld, refused = {}, {}, {}, {}
+    gates = done.timeline.gates
     innovation, variance = (np.asarray(a)[..., 0] for a in (outcome.innovation, outcome.variance))
     parts = zip(aiding, done.fixes, done.columns[:-1], done.columns[1:], done.whitening, strict=True)
-    for fixes, segments, a, b, W in parts:
+    for i, (fixes, segments, a, b, W) in enumerate(parts):
         name, given = fixes.sensor.name, fixes.given
         # scalars of fixes with a covariance of their own come back in the unit of the sensor
         unit = 1.0 if W is None else np.diagonal(W[given], axis1=1, axis2=2)
         nu[name] = innovation[segments[given], a:b] / unit
         sd[name] = np.sqrt(variance[segments[given], a:b]) / unit
+        if gates is not None and outcome.passed is not None and np.isfinite(gates[i]):
+            refused[name] = ~np.asarray(outcome.passed)[segments[given], i, 0]
+            warn_of_rows(name, fixes.time[given], refused[name])
         if not given.all() and outcome.comparison is not None:
             at = segments[~given]
             residual, C = (np.asarray(x)[..., 0] for x in outcome.comparison)
@@ -433,6 +477,7 @@ def navigate(
         tuple(aiding),
         withheld,
         None if reference is None else _reference_errors(reference, done, outcome),
+        refused,
     )
 
 
@@ -456,7 +501,7 @@ def _withheld(
     error = -(back @ residual[:, :, None])[:, :, 0]
     C = back @ covariance @ np.swapaxes(back, -1, -2)
     sensor = fixes.sensor
-    return Withheld(fixes.time[~fixes.given], error, C, sensor.axes, sensor.unit, sensor.outages)
+    return Withheld(fixes.time[~fixes.given], error, C, sensor.axes, sensor.unit, fixes.outages)
 
 
 def _truth(reference: Trajectory | None, time: Float64[np.ndarray, " M"], earth: AbstractEarth) -> Truth:

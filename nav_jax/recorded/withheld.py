@@ -9,7 +9,7 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 
 _WITH_PLAN = ("n", "e", "d")
-"""Axes of which two are horizontal."""
+"""Axes, the first of all, of which two are horizontal."""
 
 
 @saved()
@@ -46,7 +46,7 @@ class Withheld:
     @property
     def judged(self) -> list[int]:
         """Components whose norm is the error: the horizontal ones, if there are such, else all."""
-        return [0, 1] if self.axes == _WITH_PLAN else list(range(len(self.axes)))
+        return [0, 1] if self.axes[:3] == _WITH_PLAN else list(range(len(self.axes)))
 
     @property
     def size(self) -> Float64[np.ndarray, " F"]:
@@ -84,8 +84,8 @@ class Withheld:
         return found
 
     def __repr__(self) -> str:
-        what = "horizontal error" if self.axes == _WITH_PLAN else "error"
-        head = ["from", "to", "fixes", f"{what} at the end [{self.unit}]", "claimed", "most", f"NIS/{len(self.axes)}"]
+        what, unit = "horizontal error" if self.axes[:3] == _WITH_PLAN else "error", self.unit.split(",")[0]
+        head = ["from", "to", "fixes", f"{what} at the end [{unit}]", "claimed", "most", f"NIS/{len(self.axes)}"]
         rows = self.rows()
         keys = ("error", "claimed", "most", "nis")
         table = [

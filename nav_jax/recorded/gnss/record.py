@@ -1,6 +1,6 @@
 """The fixes of a GNSS receiver as they were recorded: what they become for a filter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.fixes import Fixes
-from nav_jax.aiding.gnss import AbstractNed, GnssPosition, GnssVelocity
+from nav_jax.aiding.gnss import AbstractNed, Gnss, GnssPosition, GnssVelocity
 from nav_jax.recorded.gnss.raw import Matrices
 
 _ARRAYS = ("time", "position", "covariance", "velocity", "velocity_covariance", "quality", "satellites", "age")
@@ -118,9 +118,7 @@ class GnssRecord:
         vertical: Any = None,
         sd_factor: Real = 1.0,
         correlated: bool = True,
-        lever_arm: Any = None,
-        outages: Sequence[Sequence[Real]] = (),
-        name: str | None = None,
+        **sensor: Any,
     ) -> Fixes:
         """What a filter takes of the positions.
 
@@ -132,8 +130,9 @@ class GnssRecord:
             By which those of the file are multiplied: receivers are seldom right about themselves.
         correlated
             Whether the correlations of north, east and down of the file are believed too.
-        lever_arm, outages, name
-            Of the sensor, see `GnssPosition`.
+        **sensor
+            Arguments of `GnssPosition`, such as lever_arm, lever_arm_sd, time_offset_sd, drift, outages and name; its
+            rate is that of the fixes, the reciprocal of their median step.
 
         Raises
         ------
@@ -147,8 +146,46 @@ class GnssRecord:
         [True, False, False, True]
         """
         own = {"horizontal": horizontal, "vertical": vertical, "sd_factor": sd_factor, "correlated": correlated}
-        sensor = {"lever_arm": lever_arm, "outages": outages, "name": name}
         return _fixes(GnssPosition, self.time, self.position, self.covariance, own, sensor)
+
+    def fixes(
+        self, position: Mapping[str, Any] | None = None, velocity: Mapping[str, Any] | None = None, **sensor: Any
+    ) -> Fixes:
+        """What a filter takes of positions and velocities together: of one receiver, with one antenna and one clock.
+
+        Fixes without a velocity are left out.
+
+        Parameters
+        ----------
+        position, velocity
+            Arguments of `position_fixes` and `velocity_fixes` that say how good they are: horizontal, vertical,
+            sd_factor, correlated.
+        **sensor
+            Arguments of `Gnss`, such as lever_arm, lever_arm_sd, time_offset_sd, averaged, drift, outages and name.
+
+        Raises
+        ------
+        ValueError
+            As of these two.
+
+        Examples
+        --------
+        >>> drive = nj.recorded.GnssRecord(np.arange(4.0), np.zeros((4, 3)), velocity=np.zeros((4, 3)))
+        >>> sd = {"horizontal": 0.1, "vertical": 0.2}
+        >>> drive.fixes(sd, sd, time_offset_sd=0.1).value.shape
+        (4, 6)
+        """
+        v = self.velocity_fixes(**(velocity or {}))
+        p = self.select(np.isin(self.time, v.time)).position_fixes(**(position or {}))
+        C = np.zeros((len(v.time), 6, 6))
+        for part, fixes in ((slice(3), p), (slice(3, 6), v)):
+            known = fixes.covariance
+            C[:, part, part] = np.diag(np.asarray(fixes.sensor.believed) ** 2) if known is None else known
+        sd = np.concatenate([np.asarray(f.sensor.believed) for f in (p, v)])
+        names = ("horizontal", "vertical", "horizontal_velocity", "vertical_velocity")
+        nominal = Gnss(_rate(v.time), **dict(zip(names, sd[[0, 2, 3, 5]].tolist(), strict=True)), **sensor)
+        same = p.covariance is None and v.covariance is None
+        return Fixes(nominal, v.time, np.concatenate([p.value, v.value], axis=1), None if same else C)
 
     def velocity_fixes(
         self,
@@ -157,9 +194,7 @@ class GnssRecord:
         vertical: Any = None,
         sd_factor: Real = 1.0,
         correlated: bool = True,
-        lever_arm: Any = None,
-        outages: Sequence[Sequence[Real]] = (),
-        name: str | None = None,
+        **sensor: Any,
     ) -> Fixes:
         """What a filter takes of the velocities; parameters and errors as of `position_fixes`, in m/s.
 
@@ -185,7 +220,6 @@ class GnssRecord:
             v = np.where(np.isnan(v), 0.0, v)
         C = None if self.velocity_covariance is None else self.velocity_covariance[there]
         own = {"horizontal": horizontal, "vertical": vertical, "sd_factor": sd_factor, "correlated": correlated}
-        sensor = {"lever_arm": lever_arm, "outages": outages, "name": name}
         return _fixes(GnssVelocity, self.time[there], v, C, own, sensor)
 
     def _listed(self) -> str:
@@ -228,6 +262,11 @@ def _short(values: np.ndarray) -> list[str]:
     return ["" if np.isnan(x) else f"{x:.4g}" for x in values]
 
 
+def _rate(time: np.ndarray) -> float:
+    """Of fixes, Hz."""
+    return float(1 / np.median(np.diff(time))) if len(time) > 1 else 1.0
+
+
 def _fixes(
     sensor: type[AbstractNed],
     time: np.ndarray,
@@ -238,7 +277,7 @@ def _fixes(
 ) -> Fixes:
     """Fixes with the covariances of the file, where no standard deviations are given in their place."""
     sd = {name: own[name] for name in ("horizontal", "vertical")}
-    label = options["name"] or sensor.default_name
+    label, options = options.get("name") or sensor.default_name, {"rate": _rate(time), **options}
     if None not in sd.values():
         return Fixes(sensor(**sd, **options), time, value)
     if covariance is None:

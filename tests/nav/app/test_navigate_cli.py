@@ -135,6 +135,7 @@ def test_the_record_is_put_together(drive, written):
 @pytest.mark.slow
 def test_navigate(drive, written, tmp_path):
     saved = written[0] / "a.npz"
+    drive.write_text(drive.read_text().replace("[output]", "[run]\ngate = { gnss_position = 0.99999 }\n\n[output]"))
     report = ("--out", tmp_path, "--json", tmp_path / "a.json", "--save", saved)
     stdout = call("navigate", drive, "--filter", "right", *report).stdout
     assert "horizontal error at the end [m]" in stdout
@@ -142,6 +143,7 @@ def test_navigate(drive, written, tmp_path):
     assert "fixes lie in the record." in stdout
     content = json.loads((tmp_path / "a.json").read_text())
     assert content["filter"] == "right"
+    assert content["refused"] == {"gnss_position": []}
     # three components; the antenna's velocity shares the noise of the gyros, little of it
     assert 2.0 < content["nis"]["gnss_position"]["mean"] < 4.2
     (outage,) = content["outages"]["gnss_position"]
@@ -161,7 +163,26 @@ def test_navigate(drive, written, tmp_path):
     assert np.abs(track.position - at.position).max() < 1.5
 
 
+@pytest.mark.slow
+def test_outages(drive, tmp_path):
+    """The record has some 36 s with fixes: of two runs, outages of 4 s each 12 s, shifted by 6."""
+    drive.write_text(drive.read_text().replace("[output]", "[run]\nvibration = { accel = 0.01 }\n\n[output]"))
+    options = ("--filter", "right", "--last", "4", "--every", "12", "--out", tmp_path, "--json", tmp_path / "a.json")
+    stdout = call("outages", drive, *options).stdout
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert content["sensor"] == "gnss_position"
+    assert {row["run"] for row in content["outages"]} == {0, 1}
+    starts = sorted(row["start"] for row in content["outages"])
+    np.testing.assert_allclose(np.diff(starts), 6.0)
+    assert all(row["end"] - row["start"] == pytest.approx(4.0) for row in content["outages"])
+    assert f"median {content['median']:.3g}, RMS {content['rms']:.3g}" in stdout
+    assert (tmp_path / "outages.png").read_bytes().startswith(b"\x89PNG")
+
+
 BAD = [
+    ({"[output]": "[run]\ngate = 99.9\n\n[output]"}, [], "[run], gate"),
+    ({"[output]": "[run]\ngate = { gps = 0.99 }\n\n[output]"}, [], "There is no sensor 'gps' for a gate"),
+    ({"[output]": "[run]\nvibration = -1\n\n[output]"}, [], "[run], vibration"),
     ({"imu.csv": "none.csv"}, [], "There is no file"),
     ({'time_offset = "0.4 s"': 'time_offset = "1 h"'}, [], "[record]: No fix between 156841 and 156878 s has a speed"),
     ({'course_speed = "3 m/s"': 'course_speed = "300 m/s"'}, [], "has a speed of 300 m/s"),
