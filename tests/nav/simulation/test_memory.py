@@ -10,7 +10,7 @@ import pytest
 import nav_jax as nj
 from gmwm_jax._internal.memory import MEMORY_VARIABLE, OutOfMemoryError
 from nav_jax.filter.experiment import Setup
-from nav_jax.simulation.campaign import _Collected
+from nav_jax.simulation.collected import Collected
 
 RATE = 20.0
 
@@ -64,9 +64,9 @@ def test_runs_take_what_is_estimated(scenario, truth):
     setup, num = Setup(scenario, RATE), 2000
     tracemalloc.start()
     try:
-        collected = _Collected(setup, num)
+        collected = Collected(setup, num)
         taken = tracemalloc.get_traced_memory()[0]
     finally:
         tracemalloc.stop()
     assert collected.error.shape[0] == num
-    np.testing.assert_allclose(_Collected.bytes_of(setup, num), taken, rtol=0.05)
+    np.testing.assert_allclose(Collected.bytes_of(setup, num), taken, rtol=0.05)

@@ -22,7 +22,7 @@ KEY = jax.random.key(5)
 START = nj.InitialUncertainty(0.1, 0.05, 0.005)
 
 
-MONTE_CARLO = importlib.import_module("nav_jax.simulation.campaign")
+MONTE_CARLO = importlib.import_module("nav_jax.simulation.collected")
 """Whose name in the package is that of the function in it."""
 
 

@@ -1,0 +1,574 @@
+"""A Monte Carlo study that lives on disk: many scenarios, filters and runs, computed by whoever is there."""
+
+import contextlib
+import os
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Key
+
+from gmwm_jax._internal.checks import integer, of_kind, typed_key
+from gmwm_jax._internal.progress import Bar, Progress, progress_bar
+from nav_jax.campaign.contents import KEEPS
+from nav_jax.campaign.environment import differences, environment
+from nav_jax.campaign.executors import Pool, Workers
+from nav_jax.campaign.results import CampaignStatus, Cost, Statistics, named
+from nav_jax.campaign.specification import (
+    Definition,
+    Specification,
+    definition_of,
+    difference,
+    specification_of,
+)
+from nav_jax.campaign.store import Store, read_root, read_specification
+from nav_jax.campaign.tasks import Told, bench_of, run_task
+from nav_jax.filter.experiment import GAINS, check_rates, named_filters
+from nav_jax.filter.layout import GROUPS, NAVIGATION
+from nav_jax.filter.scenario import Scenario
+from nav_jax.imu.errors import ImuErrors
+from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.runs import Runs
+
+_WAITING = 64
+"""Tasks that are with the executor at a time."""
+
+_MOST_BREAKS = 16
+"""Times in turn that a pool may break before a chunk is done."""
+
+_MOST_DEATHS = 3
+"""Workers that a task may cost that is alone with them."""
+
+Task = tuple[str, int]
+
+
+class Campaign:
+    """Many runs of several filters in several scenarios, chunk by chunk into a store that survives whatever happens.
+
+    A task computes all filters on the same chunk of runs of one scenario, and writes its own part of one Zarr folder
+    with a checksum at the end. What is whole in a store is never computed again, what is not always is; so a campaign
+    that was killed is continued by running it again, and so is one that is to have more runs. The numbers are the same,
+    to the last bit, whoever computed them in whatever order on one kind of processor.
+
+    Parameters
+    ----------
+    scenarios
+        By name, or one of them.
+    truth
+        Errors of the IMU that are emulated.
+    filters
+        Name -> what that filter believes, or one of them; the truth if not given.
+    key
+        ``jax.random.key(seed)``. Run i has a key of its own, the same in every scenario, whatever the number of runs.
+    num_runs
+        Of each filter in each scenario. It is rounded up to whole chunks, whose last runs would be computed anyway.
+    chunk_size
+        Runs that are computed at once. Another size changes the last bits of results: it belongs to what defines a
+        campaign.
+    keep
+        ``judged``: errors, standard deviations, NEES and status of each run at the judged epoch (see `Runs.epoch`).
+        ``statistics``: and sums over the runs of each chunk at every epoch. ``runs``: and all runs at every epoch.
+    gains
+        See `nav_jax.compare`.
+
+    Raises
+    ------
+    ValueError
+        Rates that differ, a name that cannot be that of a folder, a number out of range, or something from outside of
+        the packages, which no other process could build.
+    TypeError
+        The key is an integer or of the old kind.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> white = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> key = jax.random.key(0)
+    >>> options = {"key": key, "num_runs": 8, "chunk_size": 4}
+    >>> study = nj.Campaign({"drive": scenario}, truth, {"right": truth, "white": white}, **options)
+    >>> study.run("study.zarr").complete
+    True
+    >>> study.comparison("drive")["right"].num_good
+    8
+    >>> nj.Campaign.open("study.zarr").num_runs
+    8
+    """
+
+    def __init__(
+        self,
+        scenarios: Mapping[str, Scenario] | Scenario,
+        truth: ImuErrors,
+        filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
+        *,
+        key: Key[Any, ""],
+        num_runs: int,
+        chunk_size: int = 64,
+        keep: str = "statistics",
+        gains: str = "estimate",
+    ):
+        typed_key(key)
+        scenarios = {"scenario": scenarios} if isinstance(scenarios, Scenario) else dict(scenarios)
+        if not scenarios:
+            raise ValueError("Give at least one scenario: {name: Scenario}.")
+        for name, scenario in scenarios.items():
+            of_kind(f"scenarios[{name!r}]", scenario, Scenario)
+            if not name or not all(c.isalnum() or c in " _-" for c in name):
+                raise ValueError(
+                    f"A scenario is a folder of the store: letters, digits, _ and - make its name, not {name!r}."
+                )
+        if not isinstance(truth, ImuErrors):
+            raise ValueError(
+                f"The truth of a campaign is ImuErrors, which every worker can build, and this is {truth!r:.80}."
+            )
+        filters = named_filters(truth, filters)
+        check_rates(truth, filters)
+        for what, value, known in (("keep", keep, KEEPS), ("gains", gains, GAINS)):
+            if value not in known:
+                raise ValueError(f"{what} is one of {', '.join(known)}, and is {value!r}.")
+        size = integer("chunk_size", chunk_size, 1)
+        data = tuple(int(word) for word in np.asarray(jax.random.key_data(key)))
+        kind = str(jax.random.key_impl(key))
+        self._define(specification_of(Definition(scenarios, truth, filters, kind, data, size, keep, gains)))
+        self._num_chunks = -(-integer("num_runs", num_runs, 1) // size)
+
+    def _define(self, specification: Specification) -> None:
+        """Take what the workers will read, and not what it was made from: both sides have the same numbers."""
+        self._specification, self._definition = specification, definition_of(specification)
+        self._path: Path | None = None
+
+    @classmethod
+    def open(cls, store: str | os.PathLike) -> "Campaign":
+        """Build the campaign that a store is of, with as many runs as it is to have.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is nothing.
+        ValueError
+            It is damaged, or no store of a campaign.
+        """
+        specification, num_chunks = read_specification(store)
+        campaign = cls.__new__(cls)
+        campaign._define(specification)
+        campaign._num_chunks, campaign._path = num_chunks, Path(store)
+        return campaign
+
+    @classmethod
+    def merge(cls, stores: Sequence[str | os.PathLike], into: str | os.PathLike) -> "Campaign":
+        """Gather what several stores of one campaign have, each of which computed other chunks, in one more.
+
+        Parameters
+        ----------
+        stores
+            Of which a chunk is taken from the first that has it.
+        into
+            A new store, or one of the same campaign.
+
+        Raises
+        ------
+        FileNotFoundError, ValueError
+            There is none, one is damaged or of another campaign.
+        """
+        if not stores:
+            raise ValueError("Give at least one store to merge.")
+        known = [cls.open(store) for store in stores]
+        merged = cls.open(stores[0])
+        for path, other in zip(stores, known, strict=True):
+            texts = other._specification.text, merged._specification.text
+            if texts[0] != texts[1]:
+                raise ValueError(f"{path} is the store of another campaign than {stores[0]}: {difference(*texts)}.")
+        merged._num_chunks = max(other._num_chunks for other in known)
+        target, sources = merged._open_store(Path(into)), [other._store() for other in known]
+        for scenario, chunk in merged._tasks():
+            if target.read(scenario, chunk) is None:
+                found = (s.read(scenario, chunk) for s in sources if chunk < s.num_chunks)
+                arrays = next((a for a in found if a is not None), None)
+                if arrays is not None:
+                    target.write(scenario, chunk, arrays)
+        return merged
+
+    # -- what it is -------------------------------------------------------------------------------------------------
+
+    @property
+    def num_runs(self) -> int:
+        """Runs of each filter in each scenario, whole chunks."""
+        return self._num_chunks * self._definition.chunk_size
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self._definition.scenarios)
+
+    @property
+    def filters(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self._definition.filters)
+
+    @property
+    def specification(self) -> str:
+        """What defines the campaign, as canonical JSON."""
+        return self._specification.text
+
+    def __repr__(self) -> str:
+        size = self._definition.chunk_size
+        return (
+            f"Campaign of {', '.join(self.filters)} in {', '.join(self.scenarios)}: {self.num_runs} runs in chunks of "
+            f"{size}, keeps {self._definition.keep}\ntruth: {self._definition.truth!r}"
+        )
+
+    # -- computing --------------------------------------------------------------------------------------------------
+
+    def cost(self) -> Cost:
+        """Compute two chunks of each scenario, and say what all of them will take.
+
+        Returns
+        -------
+        Cost
+            CPU time of this process, and bytes on disk.
+        """
+        first = later = 0.0
+        with tempfile.TemporaryDirectory() as folder:
+            pilot = self._copy(2)
+            store = pilot._open_store(Path(folder) / "pilot.zarr")
+            frame = _bytes_below(store.path)
+            for scenario in self.scenarios:
+                before, after = (_computed(store, scenario, chunk) for chunk in (0, 1))
+                first, later = first + before, later + after
+            num_bytes = (_bytes_below(store.path) - frame) // 2
+        return Cost(first, later, self._num_chunks, num_bytes, frame)
+
+    def run(
+        self,
+        store: str | os.PathLike,
+        *,
+        executor: Workers = None,
+        chunks: Iterable[int] | None = None,
+        progress: Progress = False,
+    ) -> CampaignStatus:
+        """Compute what a store lacks of this campaign.
+
+        Parameters
+        ----------
+        store
+            A folder, new or one of this campaign, on a disk that all workers see.
+        executor
+            A `concurrent.futures.Executor`, a function that makes one (such as `nav_jax.campaign.processes`, whose
+            workers are replaced when they die), or what has ``get_executor()``, such as a Dask Client. Threads of this
+            process unless given.
+        chunks
+            Numbers of those to be computed; all unless given. Machines without a common disk take some each, see
+            `merge`.
+        progress
+            Show a bar; or a function of what is done and the total, which may cancel by raising.
+
+        Returns
+        -------
+        CampaignStatus
+            With what failed: the others go on. Interrupted from the keyboard, with what was done by then.
+
+        Raises
+        ------
+        ValueError
+            The store is of another campaign: the message names the field that differs.
+        FileExistsError
+            There is something else at the path.
+        OSError
+            The store cannot be written, as where the disk is full; what is whole in it is kept.
+        RuntimeError
+            Workers died, and nobody has said how to make others.
+        """
+        target = self._open_store(Path(store))
+        if differing := differences(target.environment, environment()):
+            warnings.warn(
+                f"{store} was begun elsewhere ({differing}): new runs agree with those that are there to rounding, not "
+                "to the last bit.",
+                stacklevel=2,
+            )
+        wanted = None if chunks is None else {integer("A chunk", chunk, 0) for chunk in chunks}
+        todo = [task for task in self._tasks() if wanted is None or task[1] in wanted]
+        damaged: dict[str, tuple[int, ...]] = {}
+        lacking = []
+        for scenario, chunk in todo:
+            if target.read(scenario, chunk) is None:
+                lacking.append((scenario, chunk))
+                if target.is_begun(scenario, chunk):
+                    damaged[scenario] = (*damaged.get(scenario, ()), chunk)
+        if damaged:
+            warnings.warn(f"Chunks of {store} are damaged and computed again: {named(damaged)}.", stacklevel=2)
+        bar = progress_bar(len(lacking), "chunk", progress)
+        try:
+            self._compute(target, lacking, executor, bar)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            bar.close()
+        return self.status()
+
+    def _compute(self, store: Store, lacking: list[Task], executor: Workers, bar: Bar) -> None:
+        """Send the tasks out, and those whose worker died again, after the others and then one by one.
+
+        A pool that breaks does not say which of its tasks was the reason: the one that breaks it alone.
+        """
+        pool, ended = Pool(executor), False
+        waiting: dict[Future[Told], Task] = {}
+        todo, order = list(reversed(lacking)), {task: i for i, task in enumerate(lacking)}
+        breaks, deaths = 0, Counter[Task]()
+        path, digest = str(store.path.absolute()), store.specification.digest
+        try:
+            while todo or waiting:
+                broken = []
+                try:
+                    while todo and len(waiting) < (1 if breaks > 1 else _WAITING):
+                        future = pool.executor.submit(run_task, path, digest, store.num_chunks, *todo[-1])
+                        waiting[future] = todo.pop()
+                except BrokenExecutor:
+                    broken.append(todo.pop())
+                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                    task = waiting.pop(future)
+                    try:
+                        told = future.result()
+                    except BrokenExecutor:
+                        broken.append(task)
+                        continue
+                    except Exception as error:  # of an engine, for a task that it has given up
+                        told = Told(f"{type(error).__name__}: {error}", False)
+                    if told.unwritable:
+                        raise OSError(told.problem)
+                    if told.problem is not None:
+                        store.note_failure(*task, told.problem)
+                    breaks = 0
+                    bar.update(1)
+                if broken:
+                    broken = sorted([*broken, *waiting.values()], key=order.__getitem__)
+                    waiting.clear()
+                    breaks += 1
+                    if breaks > _MOST_BREAKS or not pool.replace():
+                        raise RuntimeError(
+                            f"A worker died while it had one of the chunks {named(_by_scenario(broken))}: what is "
+                            f"whole in {store.path} is kept. Run the campaign again; "
+                            "executor=nj.campaign.processes(n) replaces workers that die now and then."
+                        )
+                    deaths.update(broken if len(broken) == 1 else ())
+                    if deaths[broken[0]] == _MOST_DEATHS:
+                        scenario, chunk = broken.pop()
+                        store.note_failure(scenario, chunk, f"its worker died {_MOST_DEATHS} times, as without memory")
+                        bar.update(1)
+                    todo[:0] = reversed(broken)
+            ended = True
+        finally:
+            for future in waiting:
+                future.cancel()
+            pool.close(wait=ended)
+
+    # -- what is there ----------------------------------------------------------------------------------------------
+
+    def status(self) -> CampaignStatus:
+        """Read the store of this campaign, and say what is there, what is not and why.
+
+        Raises
+        ------
+        ValueError
+            The campaign has no store yet.
+        """
+        store = self._store()
+        missing: dict[str, tuple[int, ...]] = {name: () for name in self.scenarios}
+        damaged, failed = dict(missing), {}
+        for scenario, chunk in self._tasks():
+            if store.read(scenario, chunk) is not None:
+                continue
+            missing[scenario] += (chunk,)
+            if store.is_begun(scenario, chunk):
+                damaged[scenario] += (chunk,)
+            if (why := store.failure(scenario, chunk)) is not None:
+                failed[scenario, chunk] = why
+        size = self._definition.chunk_size
+        return CampaignStatus(str(store.path), self._num_chunks, size, missing, damaged, failed)
+
+    def comparison(self, scenario: str | None = None) -> Comparison:
+        """Compare the filters in one scenario, with the runs that are there by now.
+
+        Parameters
+        ----------
+        scenario
+            Its name; may be left out where there is one.
+
+        Returns
+        -------
+        Comparison
+            At every epoch if the campaign keeps ``runs``, else at the judged one alone.
+
+        Raises
+        ------
+        ValueError
+            There is no run yet, or no such scenario.
+        """
+        name = self._named(scenario)
+        bench, chunks = bench_of(self._specification, name), self._read(name, per_run=True)
+        whole = self._definition.keep == "runs"
+        rows = list(next(iter(chunks.values())))
+        arrays = {row: np.concatenate([chunk[row] for chunk in chunks.values()]) for row in rows}
+        notes = []
+        if not whole:
+            time = next(iter(bench.templates.values())).time[bench.epoch]
+            notes.append(
+                f"Of each run the epoch at {time:g} s was kept: the share of epochs in band is that of this one."
+            )
+        if lacking := self._num_chunks - len(chunks):
+            runs = lacking * self._definition.chunk_size
+            notes.append(
+                f"{runs} of {self.num_runs} runs are missing: they are not computed yet, failed or are damaged."
+            )
+        runs = {
+            name: self._runs(template, {row: a[:, i] for row, a in arrays.items()}, bench.epoch, notes)
+            for i, (name, template) in enumerate(bench.templates.items())
+        }
+        return Comparison(bench.setup.reference, runs, truth=repr(self._definition.truth))
+
+    def _runs(self, template: Runs, arrays: Mapping[str, np.ndarray], epoch: int, notes: Sequence[str]) -> Runs:
+        """The runs of one filter, of every epoch or of the judged one."""
+        whole = self._definition.keep == "runs"
+        get = (lambda name: arrays[f"all_{name}"]) if whole else (lambda name: arrays[name][:, None])
+        nees = get("nees")
+        fields: dict[str, Any] = {name: get(name) for name in ("error", "sd", "position_covariance")}
+        if whole:
+            fields |= {of: {s: arrays[f"{of}.{s}"] for s in template.nis} for of in ("nis", "innovation")}
+        else:
+            none: dict[str, Any] = {name: {} for name in ("nis", "nis_time", "nis_dof", "innovation")}
+            fields |= none | {"time": template.time[epoch : epoch + 1]}
+        return replace(
+            template,
+            status=arrays["status"],
+            nees={group: nees[..., list(GROUPS).index(group)] for group in template.nees},
+            notes=(*template.notes, *notes),
+            num_requested=self.num_runs,
+            **fields,
+        )
+
+    def statistics(self, scenario: str | None = None) -> dict[str, Statistics]:
+        """Sum the chunks that are there, in their order, to the statistics of each filter at every epoch.
+
+        Parameters
+        ----------
+        scenario
+            Its name; may be left out where there is one.
+
+        Raises
+        ------
+        ValueError
+            The campaign keeps only the judged epoch, there is no good run, or no such scenario.
+        """
+        if self._definition.keep == "judged":
+            raise ValueError('A campaign with keep="judged" has no statistics of other epochs: see its comparison.')
+        name = self._named(scenario)
+        bench, chunks = bench_of(self._specification, name), self._read(name, per_run=False)
+        totals: dict[str, np.ndarray] = {}
+        for arrays in chunks.values():
+            totals = {row: (totals[row] + a[0] if totals else a[0]) for row, a in arrays.items()}
+        return {
+            model: _statistics(template, {row: total[i] for row, total in totals.items()})
+            for i, (model, template) in enumerate(bench.templates.items())
+        }
+
+    def _read(self, scenario: str, *, per_run: bool) -> dict[int, dict[str, np.ndarray]]:
+        """Chunks that are there by number, in their order: what has a row for each run, or the sums."""
+        store, rows = self._store(), bench_of(self._specification, scenario).rows
+        wanted = [row.name for row in rows if row.per_run is per_run]
+        found = {}
+        for chunk in range(self._num_chunks):
+            arrays = store.read(scenario, chunk)
+            if arrays is not None:
+                found[chunk] = {name: arrays[name] for name in wanted}
+        if not found:
+            raise ValueError(f"There is no run of {scenario} in {store.path} yet: see status().")
+        return found
+
+    # -- helpers ----------------------------------------------------------------------------------------------------
+
+    def _tasks(self) -> list[Task]:
+        """All of them; every scenario gets on."""
+        return [(scenario, chunk) for chunk in range(self._num_chunks) for scenario in self.scenarios]
+
+    def _named(self, scenario: str | None) -> str:
+        if scenario is None and len(self.scenarios) == 1:
+            return self.scenarios[0]
+        if scenario not in self.scenarios:
+            raise ValueError(f"There is no scenario {scenario!r}; there are {', '.join(self.scenarios)}.")
+        return str(scenario)
+
+    def _copy(self, num_chunks: int) -> "Campaign":
+        copy = type(self).__new__(type(self))
+        copy._define(self._specification)
+        copy._num_chunks = num_chunks
+        return copy
+
+    def _open_store(self, path: Path) -> Store:
+        """Make the folder of a store, or look at the one that is there; the campaign is that of this folder then."""
+        if path.exists():
+            with contextlib.suppress(ValueError):  # `restore` says it, or mends it
+                self._num_chunks = max(self._num_chunks, read_root(path).num_chunks)
+        self._path = path
+        store = self._store()
+        if damaged := store.restore():
+            warnings.warn(f"Files of {path} were damaged and are restored: {', '.join(damaged)}.", stacklevel=3)
+        return store
+
+    def _store(self) -> Store:
+        if self._path is None:
+            raise ValueError("This campaign has no store yet: run it, or take Campaign.open(store).")
+        layouts = {name: bench_of(self._specification, name).layout for name in self.scenarios}
+        return Store(self._path, self._specification, layouts, self._num_chunks)
+
+
+def _statistics(template: Runs, totals: Mapping[str, np.ndarray]) -> Statistics:
+    """Of one filter, from sums over all its good runs."""
+    num = int(totals["num_good"])
+    if not num:
+        raise ValueError(f"{template.name} has no good run.")
+    blocks = [block.name for block in NAVIGATION.blocks]
+    groups = {group: i for i, group in enumerate(GROUPS) if group in template.nees}
+    return Statistics(
+        name=template.name,
+        num_good=num,
+        time=template.time,
+        mean_error=totals["sum_error"] / num,
+        rms_error=np.sqrt(totals["sum_squared_error"] / num),
+        rms_sd=np.sqrt(totals["sum_variance"] / num),
+        mean_length={block: totals["sum_length"][:, i] / num for i, block in enumerate(blocks)},
+        mean_nees={group: totals["sum_nees"][:, i] / num for group, i in groups.items()},
+        dof={group: template.dof[group] for group in groups},
+        coverage={group: totals["covered"][:, i] / num for group, i in groups.items()},
+        mean_nis={sensor: totals[f"sum_nis.{sensor}"] / num for sensor in template.nis},
+        nis_time=template.nis_time,
+        histogram=totals["histogram"],
+    )
+
+
+def _computed(store: Store, scenario: str, chunk: int) -> float:
+    """CPU s of a task in this process, and of looking at what it wrote."""
+    begin = time.process_time()
+    told = run_task(str(store.path), store.specification.digest, store.num_chunks, scenario, chunk)
+    if told.problem is not None:
+        raise RuntimeError(f"{scenario}: {told.problem}")
+    store.read(scenario, chunk)
+    return time.process_time() - begin
+
+
+def _by_scenario(tasks: Iterable[Task]) -> dict[str, tuple[int, ...]]:
+    found: dict[str, tuple[int, ...]] = {}
+    for scenario, chunk in tasks:
+        found[scenario] = (*found.get(scenario, ()), chunk)
+    return found
+
+
+def _bytes_below(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

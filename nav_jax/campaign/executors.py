@@ -1,0 +1,96 @@
+"""Who computes the tasks: anything with the interface of `concurrent.futures`."""
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor
+from functools import partial
+from typing import Any, TypeAlias, cast
+
+from gmwm_jax._internal.checks import integer
+from gmwm_jax._internal.cores import num_threads
+from gmwm_jax._internal.interrupts import AbandonableExecutor
+
+Workers: TypeAlias = Any
+"""An executor, a function that makes one, or what has `get_executor`; None for threads."""
+
+
+class Pool:
+    """An executor, and a new one when it breaks, where somebody has said how to make it.
+
+    Parameters
+    ----------
+    workers
+        See `Campaign.run`.
+
+    Raises
+    ------
+    ValueError
+        It is none of these.
+    """
+
+    def __init__(self, workers: Workers):
+        self._make: Callable[[], Executor] | None = None
+        if hasattr(workers, "get_executor"):
+            self.executor: Executor = workers.get_executor()
+        elif isinstance(workers, Executor):
+            self.executor = workers
+        else:
+            make = partial(AbandonableExecutor, num_threads()) if workers is None else workers
+            if not callable(make):
+                raise ValueError(
+                    "executor= is a concurrent.futures.Executor, a function that makes one, or what has get_executor() "
+                    f"such as a Dask Client, and is {workers!r}."
+                )
+            self._make = cast("Callable[[], Executor]", make)
+            self.executor = self._make()
+
+    def replace(self) -> bool:
+        """Take a new executor for one whose worker died; False where nobody has said how."""
+        if self._make is None:
+            return False
+        self.executor.shutdown(wait=False, cancel_futures=True)
+        self.executor = self._make()
+        return True
+
+    def close(self, *, wait: bool) -> None:
+        """Let go of an executor that was made here; one that was given goes on."""
+        if self._make is not None:
+            self.executor.shutdown(wait=wait, cancel_futures=True)
+
+
+def processes(workers: int | None = None) -> Callable[[], Executor]:
+    """Say how to make a pool of processes, for ``executor=``.
+
+    A script that uses it has its work under ``if __name__ == "__main__":``, since every worker imports it. A worker
+    that dies is replaced, and all workers end with the process that started them, however that ends.
+
+    Parameters
+    ----------
+    workers
+        Their number; as many as cores that this process may use unless stated.
+
+    Examples
+    --------
+    >>> make = nj.campaign.processes(2)
+    >>> pool = make()
+    >>> pool.submit(sum, [1, 2]).result()
+    3
+    >>> pool.shutdown()
+    """
+    count = num_threads() if workers is None else integer("workers", workers, 1)
+    spawn = multiprocessing.get_context("spawn")
+    return partial(ProcessPoolExecutor, count, mp_context=spawn, initializer=_end_with_parent)
+
+
+def _end_with_parent() -> None:
+    """A killed parent closes no queue: without this its workers would wait for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,152 @@
+"""One task of a campaign: a scenario and a chunk of its runs, in whatever process it finds itself.
+
+A task knows where the store is and what campaign it is of, nothing else: it reads the specification, computes all
+filters on the same runs and writes its own part of the store. Done twice, it writes the same bytes twice.
+"""
+
+import threading
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from nav_jax.campaign.contents import contents
+from nav_jax.campaign.specification import Definition, Specification, definition_of
+from nav_jax.campaign.store import Layout, Store, read_specification
+from nav_jax.filter.experiment import Setup, gains_of, run_keys
+from nav_jax.simulation.collected import Collected, run_chunk
+from nav_jax.simulation.runs import Runs
+
+
+class Told(NamedTuple):
+    """What a task tells who sent it.
+
+    Attributes
+    ----------
+    problem
+        Why it was not done, if so.
+    unwritable
+        Whether that is the store: no other task would be done either.
+    """
+
+    problem: str | None
+    unwritable: bool
+
+
+def run_task(path: str, digest: str, num_chunks: int, scenario: str, chunk: int) -> Told:
+    """Compute one chunk of the runs of a scenario and write it.
+
+    Parameters
+    ----------
+    path
+        Of the store.
+    digest
+        Of its specification.
+    num_chunks
+        Of the store.
+    scenario, chunk
+        Which.
+    """
+    if not jax.config.read("jax_enable_x64"):  # in a worker: the campaign itself cannot be made without
+        jax.config.update("jax_enable_x64", True)
+    try:
+        bench = _bench(path, digest, scenario)
+        arrays = bench.compute(chunk)
+    except Exception as error:  # whatever it is, it is of this task; others go on
+        return Told(f"{type(error).__name__}: {error}", False)
+    try:
+        Store(path, bench.specification, {scenario: bench.layout}, num_chunks).write(scenario, chunk, arrays)
+    except OSError as error:
+        return Told(str(error), True)
+    return Told(None, False)
+
+
+class Bench:
+    """A scenario, prepared: what all its tasks in one process share.
+
+    Parameters
+    ----------
+    specification, definition
+        Of the campaign.
+    scenario
+        Name.
+    """
+
+    def __init__(self, specification: Specification, definition: Definition, scenario: str):
+        self.specification, self.definition = specification, definition
+        self.setup = Setup(definition.scenarios[scenario], definition.truth.rate)
+        self.templates = {name: self._runs(name, Collected(self.setup, 0), 0) for name in definition.filters}
+        first = next(iter(self.templates.values()))
+        self.epoch = first.epoch()
+        self.rows = contents(definition.keep, first)
+        self._gains = None
+        self._first = threading.Lock()
+
+    @property
+    def layout(self) -> Layout:
+        """What is stored of the scenario."""
+        runs = next(iter(self.templates.values()))
+        size, models = self.definition.chunk_size, len(self.templates)
+        arrays = {}
+        for row in self.rows:
+            value = row.of(runs, self.epoch)
+            chunk = (size if row.per_run else 1, models, *value.shape[1:])
+            arrays[row.name] = value.dtype.name, chunk, ("run" if row.per_run else "chunk", "model", *row.dims)
+        return Layout(
+            arrays, {"time": (runs.time, "time")} | {f"{s}_time": (t, f"{s}_time") for s, t in runs.nis_time.items()}
+        )
+
+    def compute(self, chunk: int) -> dict[str, np.ndarray]:
+        """Run all filters over a chunk, and say what is kept of it."""
+        size, definition = self.definition.chunk_size, self.definition
+        keys = run_keys(definition.key, chunk * size, (chunk + 1) * size)
+        with self._first:  # the first compiles what all others use
+            if self._gains is None:
+                shared = definition.gains == "reference"
+                gains = {
+                    n: gains_of(self.setup.experiment, f) if shared else None for n, f in definition.filters.items()
+                }
+                outputs = run_chunk(self.setup, definition.truth, definition.filters, keys, gains)
+                self._gains = gains
+                return self._kept(outputs)
+        return self._kept(run_chunk(self.setup, definition.truth, definition.filters, keys, self._gains))
+
+    def _kept(self, outputs: Mapping[str, object]) -> dict[str, np.ndarray]:
+        size, chunks = self.definition.chunk_size, []
+        for name, output in outputs.items():
+            collected = Collected(self.setup, size)
+            collected.take(0, output)
+            chunks.append(self._runs(name, collected, size))
+        return {row.name: np.stack([row.of(runs, self.epoch) for runs in chunks], axis=1) for row in self.rows}
+
+    def _runs(self, name: str, collected: Collected, count: int) -> Runs:
+        believed, truth = self.definition.filters[name], self.definition.truth
+        return collected.runs(name, believed, truth, count, count, {}, smooth=False)
+
+
+_benches: dict[tuple[str, str], Bench] = {}
+_MOST_BENCHES = 8
+_opening = threading.RLock()
+
+
+def bench_of(specification: Specification, scenario: str) -> Bench:
+    """A scenario of a campaign, prepared once in a process, whatever store it is for."""
+    key = (specification.digest, scenario)
+    with _opening:
+        if key not in _benches:
+            bench = Bench(specification, definition_of(specification), scenario)
+            while len(_benches) >= _MOST_BENCHES:
+                del _benches[next(iter(_benches))]
+            _benches[key] = bench
+        return _benches[key]
+
+
+def _bench(path: str, digest: str, scenario: str) -> Bench:
+    with _opening:
+        if (digest, scenario) in _benches:
+            return _benches[digest, scenario]
+        specification, _ = read_specification(path)
+        if specification.digest != digest:
+            raise ValueError(f"{path} has become the store of another campaign")
+        return bench_of(specification, scenario)
