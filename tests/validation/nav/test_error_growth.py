@@ -4,6 +4,7 @@ The program integrates the equations of the local frame, the vertical held at th
 """
 
 import json
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -138,3 +139,29 @@ def test_its_periods_are_those_of_schuler_and_foucault(oracle):
     angle = np.unique(np.round(np.abs(np.angle(np.linalg.eigvals(Phi[np.ix_(kept, kept)]))), 12)) / T
     minutes = np.sort(2 * np.pi / angle[angle > 1e-6] / 60)
     np.testing.assert_allclose(minutes, [80.94, 88.15, 1436.07], rtol=2e-3)
+
+
+class EveryStep(nj.Wgs84):
+    """The same Earth, of which loops ask at every step."""
+
+    is_vast: ClassVar[bool] = False
+
+
+@pytest.mark.parametrize(("attitude_sd", "off"), [(1e-4, 1e-4), ((1e-4, 1e-4, 0.1), 2e-3)])
+def test_covariances_that_feel_the_earth_once_a_segment(attitude_sd, off):
+    """Segments of 10 s, the longest, free inertial for 600 s: standard deviations against those of steps of 1 s.
+
+    A heading error h moves a body by g w h T^3/12 more than it should in a segment: most in the first ones.
+    """
+    found = []
+    for earth in (nj.Wgs84, EveryStep):
+        scenario = nj.Scenario(
+            nj.motions.straight(600.0, 10.0, heading=0.7, speed=100.0),
+            initial=nj.InitialUncertainty(10.0, 0.1, attitude_sd),
+            earth=earth([0.81, 0.115, 500.0]),
+            every=10,
+            output_interval=10.0,
+        )
+        errors = nj.ImuErrors("WN(sigma2=1e-8)", "WN(sigma2=1e-14)", 10.0, accel_bias_sd=1e-4, gyro_bias_sd=1e-7)
+        found.append(nj.analyse(scenario, errors)["filter"].sd[:, :9])
+    np.testing.assert_allclose(*found, rtol=off)

@@ -1,0 +1,86 @@
+"""A vehicle on wheels: the non-holonomic constraint along a track, with a mounting and a lever arm that are not known.
+
+Bands are those of the number of runs: 4.5 sigma, an epoch and quantity each.
+"""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+from nav import setups
+from scipy import stats
+
+import gmwm_jax as gj
+import nav_jax as nj
+
+RUNS = 256
+ERRORS = nj.ImuErrors(gj.WN(6e-5), gj.WN(1.5e-6), setups.RATE, accel_bias_sd=0.02, gyro_bias_sd=1e-3)
+START = nj.InitialUncertainty(0.1, 0.05, np.deg2rad([0.5, 0.5, 2.0]))
+GNSS = nj.GnssPosition(1.0, horizontal=0.05, vertical=0.1, outages=[(22.0, 36.0)])
+AXLE = nj.aiding.NonHolonomic(
+    5.0, right=0.03, down=0.05, lever_arm=(-1.2, 0.0, 0.4), lever_arm_sd=0.1, mount_sd=0.03,
+    mount_noise="RW(gamma2=1e-7)",
+)  # fmt: skip
+TRACK = nj.motions.racetrack(duration=36.0, rate=setups.RATE, straight=8.0, turn=10.0, speed=8.0)
+
+
+def scenario(*sensors):
+    return nj.Scenario(TRACK, (GNSS, *sensors), initial=START, every=5, output_interval=0.5)
+
+
+@pytest.mark.parametrize("gains", ["reference", "estimate"])
+def test_covariances_are_those_of_the_runs_and_filters_consistent(gains):
+    one = scenario(AXLE)
+    runs = nj.monte_carlo(one, ERRORS, num_runs=RUNS, key=jax.random.key(6), gains=gains)
+    found = nj.analyse(one, ERRORS)["filter"]
+    ratio = np.mean(runs.error**2, axis=0) / found.sd**2
+    assert np.abs(ratio[4::5, :9] - 1).max() < 4.5 * np.sqrt(2 / RUNS) + 0.05
+    tail = stats.norm.sf(4.5)
+    low, high = stats.chi2.ppf([tail, 1 - tail], RUNS * 9) / RUNS
+    mean = runs.nees["navigation"].mean(axis=0)
+    assert np.all((low < mean) & (mean < high * 1.05)), (mean.min() / 9, mean.max() / 9)
+    nis = runs.nis["non_holonomic"]
+    assert abs(nis.mean() / 2 - 1) < 4.5 * np.sqrt(1 / nis.size) + 0.01
+
+
+def test_it_bridges_an_outage_and_its_mounting_is_found():
+    plain, aided = (nj.analyse(scenario(*s), ERRORS)["filter"] for s in ((), (AXLE,)))
+    k = plain.epoch(36.0)
+    assert np.linalg.norm(aided.sd[k, :2]) < 0.4 * np.linalg.norm(plain.sd[k, :2])
+    # a filter that takes a mounting of 2 degrees for none is worse than its claim
+    lacking = dataclasses.replace(scenario(AXLE), neglected=("non_holonomic mount",))
+    wrong = nj.analyse(lacking, ERRORS)["filter"]
+    assert np.trace(wrong.true[k, :2, :2]) > 9 * np.trace(wrong.claimed[k, :2, :2])
+
+
+def test_the_budget_adds_up_and_names_the_states():
+    budget = nj.error_budget(scenario(AXLE), ERRORS)
+    assert {"non_holonomic", "non_holonomic mount", "non_holonomic lever_arm"} <= set(budget.sources)
+    total = nj.analyse(scenario(AXLE), ERRORS)["filter"].sd[:, :9] ** 2
+    np.testing.assert_allclose(budget.part.sum(axis=0), total, rtol=1e-9, atol=1e-18)
+
+
+def test_gradients_by_what_is_not_known_are_differences():
+    experiment = nj.filter.prepare(scenario(AXLE), rate=setups.RATE)
+
+    def sensor(sds):
+        return nj.aiding.NonHolonomic(
+            5.0, right=0.03, down=0.05, lever_arm=(-1.2, 0.0, 0.4), lever_arm_sd=sds[:2],
+            mount_sd=sds[2:], mount_noise="RW(gamma2=1e-7)",
+        )  # fmt: skip
+
+    def variance(sds):
+        given = experiment.with_sensors([GNSS, sensor(sds)])
+        return nj.filter.gains_of(given, ERRORS).claim.navigation[-1, 0, 0, 0]
+
+    at = np.array([0.1, 0.1, 0.03, 0.03])
+    backward, forward = jax.grad(variance)(at), jax.jacfwd(variance)(at)
+    np.testing.assert_allclose(backward, forward, rtol=1e-6)
+    for i, slope in enumerate(backward):
+        step = np.zeros(4)
+        step[i] = 1e-3 * at[i]
+        rise = [float(variance(at + s * step) - variance(at - s * step)) / (2 * s * step[i]) for s in (1, 2)]
+        assert (4 * rise[0] - rise[1]) / 3 == pytest.approx(
+            float(slope), rel=1e-4, abs=1e-9 * float(abs(backward).max())
+        )
