@@ -45,6 +45,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 if _TYPE_CHECKING:
     from gmwm_jax._internal.saved import load as load
     from nav_jax import aiding as aiding
+    from nav_jax import campaign as campaign
     from nav_jax import filter as filter
     from nav_jax import imu as imu
     from nav_jax import kinematics as kinematics
@@ -56,14 +57,18 @@ if _TYPE_CHECKING:
     from nav_jax import trajectory as trajectory
     from nav_jax.aiding import Barometer as Barometer
     from nav_jax.aiding import Fixes as Fixes
+    from nav_jax.aiding import Gnss as Gnss
     from nav_jax.aiding import GnssPosition as GnssPosition
     from nav_jax.aiding import GnssVelocity as GnssVelocity
     from nav_jax.aiding import Odometer as Odometer
+    from nav_jax.campaign import Campaign as Campaign
     from nav_jax.filter import InitialUncertainty as InitialUncertainty
     from nav_jax.filter import Scenario as Scenario
     from nav_jax.imu import Imu as Imu
     from nav_jax.imu import ImuErrors as ImuErrors
+    from nav_jax.imu import ImuSpecification as ImuSpecification
     from nav_jax.imu import RecordedErrors as RecordedErrors
+    from nav_jax.imu import devices as devices
     from nav_jax.imu import perfect_imu as perfect_imu
     from nav_jax.kinematics import FlatEarth as FlatEarth
     from nav_jax.kinematics import Wgs84 as Wgs84

@@ -38,10 +38,11 @@ _BELOW = {
         aiding: kinematics trajectory imu
         filter: kinematics trajectory imu aiding
         simulation: kinematics trajectory imu aiding filter statistics
+        campaign: kinematics trajectory imu aiding filter statistics simulation
         lincov: kinematics trajectory imu aiding filter statistics simulation
         recorded: kinematics trajectory imu aiding filter statistics
         plotting: kinematics trajectory imu aiding filter statistics simulation lincov recorded
-        app: kinematics trajectory imu aiding filter statistics simulation lincov recorded plotting
+        app: kinematics trajectory imu aiding filter statistics simulation campaign lincov recorded plotting
     """,
 }
 ROOMS = {
@@ -77,7 +78,7 @@ FIGURES = "_internal/figures"
 MAX_NAMES_OF_FITTING = 20
 """By which other rooms may know the room `fitting`; it may only fall."""
 
-MAX_NAMES_AT_DOOR = {"gmwm_jax": 40, "nav_jax": 30}
+MAX_NAMES_AT_DOOR = {"gmwm_jax": 40, "nav_jax": 40}
 """Rooms apart."""
 
 

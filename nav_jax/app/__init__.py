@@ -35,6 +35,12 @@ nav-jax compare comparison.toml --num-runs 500 --out results --save results/runs
 nav-jax run comparison.toml --filter right --json -
 ```
 
+A night's work goes into a store, and is continued from there after a crash, or with more runs:
+
+```sh
+nav-jax campaign comparison.toml --store study.zarr --num-runs 5000 --workers 4 # or --scheduler tcp://... of Dask
+```
+
 A number is SI, a text has its unit. Unknown keys and units of another quantity are errors. `fit` reads what
 `gmwm-jax fit --json` wrote; files are looked for beside the configuration. Ctrl-C writes what is done.
 
@@ -50,7 +56,8 @@ nav-jax design comparison.toml --max-accel 1 --max-gyro 1 --confirm 1000 --out r
 `nav-jax inspect drive.toml` says on one page what is in a record: rates, gaps, rest, gravity, tilt, the course at the
 start, and by how much clocks are apart. A recorded drive is navigated by `nav-jax navigate drive.toml --out results
 --save drive.npz --export track.kml` (all of it for `nav_jax.load`; the track as .kml, .gpx, .csv or .npz), and the
-noise parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out results`:
+noise parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out results`. How far
+off it is after 15 s without fixes, simulated every minute, says `nav-jax outages drive.toml --last 15 --every 60`:
 
 ```toml
 [record]

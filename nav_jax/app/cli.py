@@ -1,12 +1,13 @@
-"""The command line: ``nav-jax run | compare | budget | design | inspect | navigate | tune | app | demo``.
+"""The command line: ``nav-jax run | compare | campaign | budget | design | inspect | navigate | tune | app | demo``.
 
 A leaf: a configuration in, tables and files out.
 """
 
+import contextlib
 import functools
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
@@ -18,6 +19,7 @@ import nav_jax as nj
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.entry import as_command, command_line, tell_version
 from gmwm_jax._internal.interrupts import INTERRUPTED
+from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.outputs import check_outputs, make_folder, refuse_overwriting, require_place
 
 if TYPE_CHECKING:
@@ -56,10 +58,12 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
 _STEMS = {
     "run": "comparison",
     "compare": "comparison",
+    "campaign": "comparison",
     "budget": "budget",
     "design": "design",
     "tune": "tuning",
     "navigate": "navigation",
+    "outages": "outages",
     "inspect": "inspection",
 }
 """Command -> stem of the files of its report."""
@@ -153,6 +157,55 @@ def compare(
     targets = _targets(known, config.parent, out, json_file, plot, save)
     result = known.compare(num_runs=num_runs, seed=seed, progress=True)
     _finish(result, repr(result), targets)
+
+
+Store = Annotated[Path, typer.Option(help="Folder *.zarr of the campaign, new or to be continued.")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; threads of this one unless stated.")]
+Scheduler = Annotated[str | None, typer.Option(help="Of a Dask cluster in place of processes: tcp://...")]
+
+
+@_command
+def campaign(
+    config: File,
+    store: Store,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    keep: Annotated[str, typer.Option(help="Of the runs: judged, statistics or runs.")] = "statistics",
+    cost: Annotated[bool, typer.Option("--cost", help="Say what it will take, and leave it at that.")] = False,
+    num_runs: NumRuns = None,
+    seed: Seed = None,
+    out: Out = None,
+    json_file: Json = None,
+) -> None:
+    """Run the filters into a store that survives a crash: the same command again computes what is missing."""
+    from nav_jax.app.comparison_file import read_config
+    from nav_jax.app.reports import comparison_report
+
+    if workers is not None and scheduler is not None:
+        raise ValueError("Either --workers or --scheduler: the scheduler has its own workers.")
+    known = read_config(config)
+    study = known.campaign(num_runs=num_runs, seed=seed, keep=keep)
+    if cost:
+        typer.echo(f"{study!r}\n{study.cost()!r}")
+        return
+    with _executor(workers, scheduler) as executor:
+        status = study.run(store, executor=executor, progress=True)
+    if status.complete or status.num_missing < status.num_chunks:
+        result = study.comparison()
+        _give(comparison_report(result), json_file, out, plot=False, text=repr(result))
+    if not status.complete:
+        typer.echo(repr(status), err=True)
+        raise typer.Exit(1 if status.failed else INTERRUPTED)
+
+
+@contextlib.contextmanager
+def _executor(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    """Who computes the chunks of a campaign."""
+    if scheduler is None:
+        yield None if workers is None else nj.campaign.processes(workers)
+        return
+    with import_optional("distributed", "cluster").Client(scheduler) as client:
+        yield client
 
 
 @_command
@@ -285,6 +338,32 @@ def navigate(
     if track is not None:
         written = solution.export(track, origin=known.origin, start=known.utc)
         typer.echo(f"Exported as {written}", err=to_screen)
+
+
+@_command
+def outages(
+    config: Record,
+    filter_name: Filter = None,
+    last: Annotated[float, typer.Option(min=0.0, help="s, of each outage.")] = 15.0,
+    every: Annotated[float, typer.Option(min=0.0, help="s from the beginning of one to that of the next.")] = 60.0,
+    runs: Annotated[int, typer.Option(min=1, help="So many, their outages shifted against each other.")] = 2,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Simulate outages of the receivers all over a record, and judge the filter at the end of each."""
+    from nav_jax.app.record_file import read_record
+    from nav_jax.app.reports import outages_report
+    from nav_jax.recorded.outages import shifted_schedules
+
+    known = read_record(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    schedules = shifted_schedules(known.imu, known.aiding, last=last, every=every, runs=runs)
+    _say(f"Outages by {name} ...")
+    _give(
+        outages_report(name, known.outages(name, schedules, progress=True), known.notes), json_file, folder, plot=plot
+    )
 
 
 @_command

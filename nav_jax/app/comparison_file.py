@@ -19,6 +19,7 @@ from pydantic import BaseModel, ValidationError
 from gmwm_jax._internal.progress import Progress
 from nav_jax.app.sections import (
     AIDING,
+    BELIEVED,
     MOTIONS,
     SOURCES,
     Aiding,
@@ -28,6 +29,7 @@ from nav_jax.app.sections import (
     RunSection,
     TrajectoryFile,
 )
+from nav_jax.campaign.campaign import Campaign
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
@@ -90,6 +92,30 @@ class Config:
             key=jax.random.key(run.seed if seed is None else seed),
             progress=progress,
             **{k: getattr(run, k) for k in ("gains", "chunk_size", "workers")},
+        )
+
+    def campaign(self, *, num_runs: int | None = None, seed: int | None = None, keep: str = "statistics") -> Campaign:
+        """Make a campaign of it, which runs into a store.
+
+        Parameters
+        ----------
+        num_runs, seed
+            In place of those in the file.
+        keep
+            See `nav_jax.Campaign`.
+        """
+        run = self.run
+        if isinstance(self.truth, RecordedErrors):
+            raise ValueError("[truth] is a recording, and a campaign takes a model: state one.")
+        return Campaign(
+            self.scenario,
+            self.truth,
+            self.filters,
+            key=jax.random.key(run.seed if seed is None else seed),
+            num_runs=run.num_runs if num_runs is None else num_runs,
+            keep=keep,
+            gains=run.gains,
+            **({} if run.chunk_size is None else {"chunk_size": run.chunk_size}),
         )
 
 
@@ -190,7 +216,8 @@ def config_of(tables: Mapping[str, Any], folder: Path) -> Config:
             reference = replace(reference, origin=np.array(run.origin)) if reference.origin is None else reference
         origin = reference.origin if run.origin is None else np.array(run.origin)
         earth = run.build_earth(origin, "[run]")
-    scenario = Scenario(reference, sensors, initial, earth, run.every, run.output_interval)
+    without = {"neglected": tuple(run.neglected), "suspected": tuple(run.suspected)}
+    scenario = Scenario(reference, sensors, initial, earth, run.every, run.output_interval, **without)
     return Config(scenario, truth, known, run, output)
 
 
@@ -206,15 +233,15 @@ def _trajectory_section(table: Any) -> Any:
     return checked(MOTIONS[table["motion"]], table, where)
 
 
-def _errors_section(table: Any, where: str) -> Any:
+def _errors_section(table: Any, where: str, sources: Mapping[str, type[Any]] = SOURCES) -> Any:
     _require_table(table, where)
-    kinds = [key for key in SOURCES if key in table or (key == "accel" and "gyro" in table)]
+    kinds = [key for key in sources if key in table or (key == "accel" and "gyro" in table)]
     if len(kinds) != 1:
         raise ValueError(
-            f"{where}: the errors are given by accel and gyro, or by sensor, by fit or by recording, one of them; "
-            f"there are {', '.join(table) or 'no keys'}."
+            f"{where}: the errors are given by accel and gyro, or by sensor, by fit, by device or by recording, one "
+            f"of them; there are {', '.join(table) or 'no keys'}."
         )
-    return checked(SOURCES[kinds[0]], table, where)
+    return checked(sources[kinds[0]], table, where)
 
 
 def _filter_section(table: Any, where: str) -> Any:
@@ -223,7 +250,7 @@ def _filter_section(table: Any, where: str) -> Any:
         if table != TRUTH:
             raise ValueError(f'{where} is a section, or the text "{TRUTH}", and is {table!r}.')
         return None
-    section = _errors_section(table, where)
+    section = _errors_section(table, where, BELIEVED)
     if isinstance(section, RecordingErrors):
         raise ValueError(f"{where}: a filter believes a model, and a recording is none.")
     return section

@@ -20,8 +20,10 @@ from gmwm_jax.units import STANDARD_GRAVITY, convert, names
 from nav_jax.aiding.base import AbstractAiding, Setting
 from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
+from nav_jax.imu.datasheets import devices
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.imu.specification import ImuSpecification
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.wgs84 import Wgs84
 from nav_jax.trajectory.files import read_trajectory
@@ -232,10 +234,41 @@ class RecordingErrors(Section):
         return recorded_errors(folder / self.recording, **self.given("recording"))
 
 
+class DeviceErrors(Section):
+    """``device = ...``: an IMU by its datasheet; other keys are arguments of `nav_jax.ImuSpecification.truth`."""
+
+    device: str
+    rate: Frequency | None = None
+    effects: list[Literal["range", "LSB", "bandwidth"]] = []
+    temperature_sd: float = 0.0
+    longest: Time | None = None
+
+    def build(self, folder: Path) -> ImuErrors:  # noqa: D102
+        return self._sheet().truth(**self.given("device"))
+
+    def _sheet(self) -> ImuSpecification:
+        if self.device not in devices:
+            raise ValueError(f"device is one of {', '.join(devices)}, and is {self.device!r}.")
+        return devices[self.device]
+
+
+class BelievedDevice(DeviceErrors):
+    """The same of a filter, with arguments of `nav_jax.ImuSpecification.filter`."""
+
+    correlation_time: Time | None = None
+
+    def build(self, folder: Path) -> ImuErrors:  # noqa: D102
+        return self._sheet().filter(**self.given("device"))
+
+
 SOURCES: dict[str, type[Any]] = {
     "accel": ModelErrors, "sensor": SensorErrors, "fit": FittedErrors, "recording": RecordingErrors,
+    "device": DeviceErrors,
 }  # fmt: skip
 """The key that tells what kind of section it is."""
+
+BELIEVED: dict[str, type[Any]] = SOURCES | {"device": BelievedDevice}
+"""The same of a filter."""
 
 
 # -- [[aiding]] -------------------------------------------------------------------------------------------------------
@@ -316,6 +349,8 @@ class RunSection(OfEarth):
     gains: Literal["estimate", "reference"] = "estimate"
     every: Annotated[int, Field(ge=1)] = EVERY
     output_interval: Time = OUTPUT_INTERVAL
+    neglected: list[str] = []
+    suspected: list[str] = []
     origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
     chunk_size: Annotated[int, Field(ge=1)] | None = None
     workers: Annotated[int, Field(ge=1)] | None = None

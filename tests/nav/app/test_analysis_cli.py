@@ -333,7 +333,7 @@ CHANGES = [
     ("tune", {'file = "baro.csv"\n': ""}, [], "[[aiding]] 2: the key 'file' is missing."),
     ("tune", {'file = "baro.csv"': 'file = "baro.csv"\nrate = 1'}, [], "rate and first follow from the times"),
     ("tune", {'file = "baro.csv"': 'file = "imu.csv"'}, [], "[[aiding]] 2: "),
-    ("tune", {'type = "barometer"': 'type = "sonar"'}, [], "type is one of gnss_position, gnss_velocity, barometer"),
+    ("tune", {'type = "barometer"': 'type = "sonar"'}, [], "type is one of gnss, gnss_position, gnss_velocity,"),
     ("tune", {"[filters.static]": "[filters]\nstatic = \"truth\"\n[filters.more]"}, [], "nobody knows the truth"),
     ("tune", {}, ["--filter", "left"], "There is no filter 'left'; there are static, other."),
     ("tune", {'1e-6)"\nrate = "20 Hz"': '1e-6)"\nrate = "10 Hz"'}, [], "write rate = 20"),

@@ -110,7 +110,7 @@ TOML = {
 
 
 @pytest.mark.parametrize("what", TOML)
-@pytest.mark.parametrize("command", ["run", "compare", "budget", "design", "navigate", "tune", "inspect"])
+@pytest.mark.parametrize("command", ["run", "compare", "budget", "design", "navigate", "outages", "tune", "inspect"])
 def test_a_bad_configuration(folder, what, command):
     (folder / "bad.toml").write_bytes(TOML[what])
     assert_refused(app, [command, "bad.toml"])
@@ -123,7 +123,7 @@ def of(command, *options, values):
 
 RUN, TUNE = ("run", "good.toml"), ("tune", "record.toml")
 OPTIONS = [
-    *((command, file) for command in ("run", "compare", "budget", "design", "navigate", "tune", "inspect")
+    *((command, file) for command in ("run", "compare", "budget", "design", "navigate", "outages", "tune", "inspect")
       for file in ("none.toml", "no/where.toml", "results", "imu.csv", "gnss.npz", "a\nb.toml")),
     *((command,) for command in ("run", "compare", "budget", "design", "navigate", "tune", "inspect")),
     ("compare", "good.toml"),
@@ -150,6 +150,9 @@ OPTIONS = [
     *of(("navigate", "record.toml"), "--export", values=("x.bmp", "x", "/nowhere/x.csv", "x.kml")),
     *of(("inspect", "record.toml"), "--most-offset", values=("0", "-1", "nan", "x")),
     ("inspect", "record.toml", "--plot"),
+    *of(("outages", "record.toml"), "--last", values=("0", "-1", "nan", "x", "1e9")),
+    *of(("outages", "record.toml"), "--every", values=("0", "-1", "5")),
+    *of(("outages", "record.toml"), "--runs", values=("0", "x")),
     ("demo", "--fits", "results"),
     ("demo", "--fits", "none"),
     ("demo", "--num-runs", "1"),

@@ -3,6 +3,7 @@
 import json
 import tomllib
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.app.comparison_file import read_config
 from nav_jax.app.sections import MOTIONS, quantity
+from nav_jax.imu.datasheets import devices
 from nav_jax.imu.errors import ImuErrors, RecordedErrors
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.trajectory import motions
@@ -121,7 +123,7 @@ def test_every_section_becomes_what_it_says(write):
     np.testing.assert_allclose(sd, [1, 2, 3, 0, 0, 0, deg, deg, deg], rtol=1e-14)
     assert config.run.model_dump() == {
         "num_runs": 3, "seed": 7, "gains": "estimate", "every": 5, "output_interval": 1.0, "earth": "flat",
-        "gravity": 9.8056, "origin": None, "chunk_size": None, "workers": None,
+        "gravity": 9.8056, "origin": None, "chunk_size": None, "workers": None, "neglected": [], "suspected": [],
     }  # fmt: skip
     assert config.output.model_dump() == {"folder": None, "plot": True, "save": None}
 
@@ -210,6 +212,19 @@ def test_a_sensor_by_name(write):
     assert slow.rate == 50.0
     # the density of white noise stays
     assert float(slow.models[0].processes[0].sigma2) == pytest.approx(3.021e-5 / 2, rel=1e-12, abs=0)
+
+
+def test_a_device_by_its_datasheet(write):
+    """What is emulated in the truth, what a filter believes in a filter; the rate is the datasheet's or another."""
+    white = 'accel = "WN(sigma2=6e-5)"\ngyro = "WN(sigma2=1.5e-6)"'
+    true = 'device = "ADIS16405"\nrate = "50 Hz"\neffects = ["range", "LSB"]\nlongest = "10 min"'
+    config = read_config(write(by={SOURCE: true, white: 'device = "ADIS16405"\ncorrelation_time = "100 s"'}))
+    sheet = devices["ADIS16405"]
+    expected = sheet.truth(50.0, effects=["range", "LSB"], longest=600.0)
+    assert eqx.tree_equal(config.truth, expected)
+    assert eqx.tree_equal(config.filters["WN only"], sheet.filter(50.0, correlation_time=100.0))
+    own = {SOURCE: 'device = "HG1700 AG58"', "rate = 50\n": "rate = 100\n"}
+    assert read_config(write(by=own)).truth.rate == 100.0
 
 
 @pytest.fixture
@@ -307,10 +322,13 @@ WRONG = [
     ({'"lemniscate"': '"waypoints"'}, "[trajectory]: the key 'points' is missing"),
     ({'rate = "50 Hz"': ""}, "[truth]: the key 'rate' is missing"),
     ({'rate = "50 Hz"': 'rate = "50 Hz"\nsensor = "mti-g"'}, "[truth]: the errors are given by accel and gyro, or by"),
-    ({SOURCE: ""}, "[truth]: the errors are given by accel and gyro, or by sensor, by fit or by recording"),
+    ({SOURCE: ""}, "[truth]: the errors are given by accel and gyro, or by sensor, by fit, by device or by"),
     ({SOURCE: 'sensor = "mti-h"'}, "[truth]: There is no sensor 'mti-h'; there are: mti-g"),
     ({SOURCE: 'sensor = "imar-fsas"'}, "[truth]: imar-fsas: channels accel_x, accel_y and accel_z are wanted"),
     ({SOURCE: 'fit = "a.toml"'}, "[truth]: "),
+    ({SOURCE: 'device = "STIM301"\nrate = 50'}, "[truth]: device is one of MPU-6000, "),
+    ({SOURCE: 'device = "STIM300"\nrate = 50\neffects = ["LSB"]'}, "[truth]: effects: STIM300 leaves the gyro's LSB"),
+    ({SOURCE: 'device = "STIM300"\ncorrelation_time = 100'}, "[truth]: there is no key 'correlation_time'; the keys"),
     ({'start = "zero"': 'start = "nowhere"'}, "[truth], start: Input should be 'stationary' or 'zero', and it"),
     ({'x = "WN': 'w = "WN'}, "[truth], gyro"),
     ({"sigma2=2e-6": "sigma2=-2e-6"}, "[truth]: WN: sigma2 must be one number in [0, inf), and is -2e-06"),
@@ -320,7 +338,7 @@ WRONG = [
     ({'accel = "WN(sigma2=6e-5)"': 'recording = "x.npz"'}, "[filters.WN only]: the errors are given by"),
     (
         {'"barometer"\n': '"sextant"\n'},
-        "[[aiding]] 3: type is one of gnss_position, gnss_velocity, barometer, odometer, and",
+        "[[aiding]] 3: type is one of gnss, gnss_position, gnss_velocity, barometer, odometer, non_holonomic, ",
     ),
     ({'"2.5 cm"': '"-2.5 cm"'}, "[[aiding]] 1: gnss_position: a standard deviation must be positive"),
     ({'[["4 s", 5]]': "[[5, 4]]"}, "[[aiding]] 1: gnss_position: the outage (5, 4) ends before it starts"),
