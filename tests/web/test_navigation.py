@@ -78,6 +78,22 @@ def test_the_budget_of_a_filter(open_page):
     drawn(page, "nav_budget_figure")
 
 
+def test_a_filter_that_is_chosen_stays_chosen(open_page):
+    page = opened(open_page)
+    shown = page.evaluate(
+        """async () => {
+            const select = document.getElementById("nav_of"), seen = [];
+            const choose = name => { select.value = name; select.dispatchEvent(new Event("change", {bubbles: true})); };
+            const later = ms => new Promise(done => setTimeout(done, ms));
+            for (let k = 0; k < 10; k++) { choose("own"); await later(5); choose("right"); await later(5); }
+            choose("own");
+            for (let k = 0; k < 300; k++) { await later(5); seen.push(select.value); }
+            return seen;
+        }"""
+    )
+    assert set(shown) == {"own"}
+
+
 def test_every_input_has_a_label_and_a_phone_shows_all(open_page):
     page = open_page(f"?{urlencode(INPUTS)}", size=(390, 844), scheme="dark")
     drawn(page, "nav_analysis")

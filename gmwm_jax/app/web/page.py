@@ -10,6 +10,7 @@ from htmltools import HTMLDependency, Tag
 from shiny import App, Inputs, Outputs, Session, reactive, render, ui
 
 import gmwm_jax as gj
+from gmwm_jax.app.web.choices import offer
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import status
 from gmwm_jax.app.web.rooms import data, inference, model, takeaway, tutorial, units, variance
@@ -118,14 +119,11 @@ def _serve(rooms: Sequence[Room], input: Inputs, session: Session, store: Store)
     def _cancel() -> None:
         store.jobs.cancel()
 
-    @reactive.effect
-    def _channels() -> None:
+    def channels() -> tuple[str, ...] | None:
         shown = store.recording().value
-        if shown is not None:
-            with reactive.isolate():
-                chosen = store.channel()
-            names = list(shown.channels)
-            ui.update_select("channel", choices=names, selected=chosen)
+        return None if shown is None else tuple(shown.channels)
+
+    offer("channel", channels, lambda: store.channel() or "")
 
     @reactive.effect
     async def _link() -> None:

@@ -172,8 +172,11 @@ class Store:
         for name, value in page.state.model_dump(exclude={"room"}).items():
             if name in lists:
                 value = value.split(",")
-            if name == "channel":  # there is none in the list before there is a recording
-                ui.update_select(name, choices=[value], selected=value, session=self._session)
+            if name == "channel":  # it may not be in the list before there is the recording
+                with reactive.isolate():
+                    shown = self._known()
+                names = dict.fromkeys((*(() if shown is None else shown.channels), value))
+                ui.update_select(name, choices=list(names), selected=value, session=self._session)
             else:
                 self._session.send_input_message(name, {"value": "" if value is None else value})
 

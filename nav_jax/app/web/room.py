@@ -11,6 +11,7 @@ from htmltools import Tag
 from shiny import Inputs, reactive, render, ui
 
 import gmwm_jax as gj
+from gmwm_jax.app.web.choices import offer
 from gmwm_jax.app.web.computed import Outcome
 from gmwm_jax.app.web.jobs import BUSY, Tell
 from gmwm_jax.app.web.outputs import as_html, render_figure, status, text
@@ -194,13 +195,11 @@ def _server(input: Inputs, store: Store) -> None:
     def designed() -> Outcome[Design]:
         return result("nav_design", design_key)
 
-    @reactive.effect
-    def _filters() -> None:
+    def names() -> tuple[str, ...] | None:
         found = present()
-        if found is not None:
-            with reactive.isolate():
-                chosen = of_button(input.nav_of())
-            ui.update_select("nav_of", choices=list(found.config.filters), selected=chosen)
+        return None if found is None else tuple(found.config.filters)
+
+    offer("nav_of", names, lambda: of_button(input.nav_of()))
 
     def columns() -> int:
         return 1 if store.narrow() else 2
