@@ -11,7 +11,8 @@ GRAVITY = (6, 7, 8)
 NO_CHANNEL = -1
 """Channel of a state that no axis of the IMU reads, such as one of an aiding sensor."""
 
-_NAMES = (*CHANNELS, "gravity n", "gravity e", "gravity d")
+NAMES = (*CHANNELS, "gravity n", "gravity e", "gravity d")
+"""Of all channels."""
 
 
 class SensorState(NamedTuple):
@@ -33,4 +34,4 @@ class SensorState(NamedTuple):
         return 0 <= self.channel < len(CHANNELS)
 
     def __str__(self) -> str:
-        return self.label if self.channel == NO_CHANNEL else f"{_NAMES[self.channel]} {self.label}"
+        return self.label if self.channel == NO_CHANNEL else f"{NAMES[self.channel]} {self.label}"

@@ -20,7 +20,7 @@ from nav_jax.filter.experiment import Setup, check_rates, named_filters
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS, channel_columns
 from nav_jax.filter.scenario import Scenario
-from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.channels import CHANNELS, NAMES
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.output import warn_of_range
 from nav_jax.imu.recorded import RecordedErrors
@@ -348,8 +348,8 @@ def _of_output(truth: ImuErrors) -> tuple[str, ...]:
 def _unexcited(truth: ImuErrors, believed: ImuErrors) -> tuple[str, ...]:
     """Notes if a filter estimates what the truth does not have."""
     ours, theirs = (Counter(s.channel for s in e.states) for e in (believed, truth))
-    none = [CHANNELS[c] for c in sorted(ours) if not theirs[c]]
-    more = [CHANNELS[c] for c in sorted(ours) if ours[c] > theirs[c] > 0]
+    none = [NAMES[c] for c in sorted(ours) if not theirs[c]]
+    more = [NAMES[c] for c in sorted(ours) if ours[c] > theirs[c] > 0]
     return (
         *(f"The filter estimates errors of {', '.join(none)}, which truly are white or none.",) * bool(none),
         *(f"The filter has more states for {', '.join(more)} than the truth, which cannot excite all.",) * bool(more),
@@ -379,7 +379,7 @@ def covariances_of(
         time=setup.output_times,
         true=both[0],
         claimed=both[1],
-        channels=tuple(sorted({s.channel for s in believed.states})),
+        channels=tuple(sorted({s.channel for s in believed.states if s.is_of_imu})),
         fixes=setup.fixes,
         innovation={n: arrays.innovation[s, a:b] for n, s, a, b in parts},
         innovation_claimed={n: arrays.innovation_claimed[s, a:b] for n, s, a, b in parts},

@@ -110,8 +110,8 @@ class Collected:
         smooth: bool,
     ) -> Runs:
         """The result of the first `count` runs."""
-        states = {s.channel for s in believed.states}
-        dof = {group: len(JUDGED.columns(*blocks)) for group, blocks in GROUPS.items()} | {"sensors": len(states)}
+        channels = {s.channel for s in believed.states if s.is_of_imu}
+        dof = {group: len(JUDGED.columns(*blocks)) for group, blocks in GROUPS.items()} | {"sensors": len(channels)}
         notes = list(believed.notes())
         if smooth:
             notes.append("Errors are those of the smoother, from all measurements of a run; innovations the filter's.")

@@ -174,6 +174,20 @@ def test_transition_and_noise_are_those_of_the_exponential():
     np.testing.assert_allclose(of_gravity, expected[:6, :6].diagonal(), rtol=3e-3)
 
 
+def test_results_of_filters_with_and_without_it():
+    """Its states are no channel of the IMU, and count for none."""
+    reference = nj.motions.straight(2.0, 10.0)
+    aiding = [nj.GnssPosition(1.0, horizontal=0.1, vertical=0.1)]
+    scenario = nj.Scenario(reference, aiding, nj.InitialUncertainty(0.1, 0.1, 0.01))
+    both = {"with": errors_of(FIELD, 1e-6, 10.0), "without": errors_of(None, 1e-6, 10.0)}
+    found = nj.analyse(scenario, both["without"], both)
+    assert found["with"].dof("sensors") == found["without"].dof("sensors") == 0
+    assert any("gravity n, gravity e, gravity d" in note for note in found["with"].notes)
+    assert "position" in repr(found["with"])
+    runs = nj.compare(scenario, both["without"], both, num_runs=2, key=jax.random.key(0))
+    assert not any("sensors" in runs[name].nees for name in both)
+
+
 def test_it_is_saved_with_the_errors(tmp_path):
     from gmwm_jax._internal.states import from_state, to_state
 

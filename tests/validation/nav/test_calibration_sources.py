@@ -67,10 +67,13 @@ def test_all_together_each_run_with_its_own_gains():
     exact = nj.analyse(SCENARIO, truth)["filter"]
     runs = nj.monte_carlo(SCENARIO, truth, num_runs=RUNS, key=jax.random.key(12), gains="estimate")
     moments(runs, exact, "all")
-    low, high = 9 * (1 - 4.5 * np.sqrt(2 / (9 * RUNS))), 9 * (1 + 4.5 * np.sqrt(2 / (9 * RUNS)))
-    nees = runs.nees["navigation"].mean(axis=0)
-    assert low < nees.min()
-    assert nees.max() < high
+    for group, dof in (("navigation", 9), ("sensors", 6)):
+        assert runs.dof[group] == exact.dof(group) == dof
+        low, high = dof * (1 - 4.5 * np.sqrt(2 / (dof * RUNS))), dof * (1 + 4.5 * np.sqrt(2 / (dof * RUNS)))
+        nees = runs.nees[group].mean(axis=0)
+        assert low < nees.min()
+        assert nees.max() < high
+        np.testing.assert_allclose(exact.nees(group), dof, rtol=1e-6)
 
 
 def test_runs_are_paired():
