@@ -261,7 +261,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
             there = timeline.truth
             known = (there.p, there.v, there.q, timeline.sensed[:, :, None])
             p, v, q, reading = (jnp.repeat(a[segment], runs, axis=2) for a in known)
-            means = None if timeline.means is None else timeline.means[segment, :, :, None]
+            means = None if timeline.means is None else jnp.repeat(timeline.means[segment, :, :, None], runs, axis=3)
             body = jax.vmap(partial(aiding.body, i))(NavState(p, v, q, x), reading, means)
             exact = jax.vmap(sensor.predict)(NavState(p, v, q, x), body)
         else:

@@ -22,16 +22,17 @@ AXLE = nj.aiding.NonHolonomic(
     5.0, right=0.03, down=0.05, lever_arm=(-1.2, 0.0, 0.4), lever_arm_sd=0.1, mount_sd=0.03,
     mount_noise="RW(gamma2=1e-7)",
 )  # fmt: skip
+FLAT, ROUND = nj.FlatEarth(), nj.Wgs84([0.81, 0.115, 500.0])
 TRACK = nj.motions.racetrack(duration=36.0, rate=setups.RATE, straight=8.0, turn=10.0, speed=8.0)
 
 
-def scenario(*sensors):
-    return nj.Scenario(TRACK, (GNSS, *sensors), initial=START, every=5, output_interval=0.5)
+def scenario(*sensors, **options):
+    return nj.Scenario(TRACK, (GNSS, *sensors), initial=START, every=5, output_interval=0.5, **options)
 
 
-@pytest.mark.parametrize("gains", ["reference", "estimate"])
-def test_covariances_are_those_of_the_runs_and_filters_consistent(gains):
-    one = scenario(AXLE)
+@pytest.mark.parametrize(("gains", "earth"), [("reference", FLAT), ("estimate", FLAT), ("estimate", ROUND)])
+def test_covariances_are_those_of_the_runs_and_filters_consistent(gains, earth):
+    one = scenario(AXLE, earth=earth)
     runs = nj.monte_carlo(one, ERRORS, num_runs=RUNS, key=jax.random.key(6), gains=gains)
     found = nj.analyse(one, ERRORS)["filter"]
     ratio = np.mean(runs.error**2, axis=0) / found.sd**2
