@@ -69,6 +69,8 @@ from nav_jax.recorded.inspection import inspect_record as inspect_record
 from nav_jax.recorded.likelihood import innovation_loss as innovation_loss
 from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate
+from nav_jax.recorded.on_the_move import StartOnTheMove as StartOnTheMove
+from nav_jax.recorded.on_the_move import align_on_the_move as align_on_the_move
 from nav_jax.recorded.standstill import standing as standing
 from nav_jax.recorded.standstill import stops as stops
 from nav_jax.recorded.study import OutageStudy as OutageStudy
