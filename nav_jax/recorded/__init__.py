@@ -47,6 +47,8 @@ study = nj.recorded.outage_study(
 print(study)
 ```
 
+Where nothing is known of the attitude, `align_at_rest` and `align_on_the_move` find it with its covariance.
+
 `stops` finds where the vehicle stands, `standing` makes the updates by zero velocity and zero rate for it, and `nj.Gnss` with
 ``averaged`` and ``time_offset_sd`` knows receivers whose velocities are old and whose clocks are off.
 """  # noqa: E501

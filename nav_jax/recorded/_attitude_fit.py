@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
@@ -26,6 +26,10 @@ _SMALL = 1e-10
 """Square of a last step in standard deviations."""
 _ODD = 0.999
 """Probability of misfits that are taken for chance; beyond, what is claimed grows with them."""
+_DOWN = 5
+"""The vertical part of v_0 among what is unknown."""
+_CLIMB = 3.0
+"""m/s, standard deviation of that where no fix has a vertical velocity."""
 _SINGULAR = 1e-12
 """Smallest eigenvalue of information in units of what each unknown alone would have."""
 
@@ -40,7 +44,9 @@ class Window(NamedTuple):
     """Of the fixes, s since the first epoch."""
     known: _window.Known
     aim: Float64[np.ndarray, "K 3"]
-    """What v_0 + C_0 beta, or its integral, should be; NaN where a fix has no vertical velocity."""
+    """What v_0 + C_0 beta, or its integral, should be."""
+    told: Bool[np.ndarray, "K 3"]
+    """Which components are fitted: not the vertical one where a fix has none, which is taken for zero at first."""
     noise: Float64[np.ndarray, "K 3 3"]
     arm: Float64[np.ndarray, "3"]
     positions: bool
@@ -94,7 +100,7 @@ class _Linear(NamedTuple):
 
 def fitted(w: Window, belief: Belief) -> Fitted:
     """Fit a window, and lead what it says to its end."""
-    told = np.isfinite(w.aim).ravel()
+    told = w.told.ravel()
     R = _block_diagonal(w.noise)[np.ix_(told, told)]
     epochs = w.imu.epochs - w.imu.epochs[0]
     grid = np.unique(np.concatenate([[0.0], np.clip(w.when, 0.0, epochs[-1]), epochs[-1:]]))
@@ -104,17 +110,15 @@ def fitted(w: Window, belief: Belief) -> Fitted:
     state, converged = _first_guess(w), False
     for _ in range(_ITERATIONS):
         line = _linearised(w, state, grid, Q, R, told, unit)
-        u = _biases_in_units(state, unit)
         H = line.slope.T @ line.slope + np.diag(prior)
-        gradient = line.slope.T @ line.left
-        gradient[-6:] -= u
+        gradient = line.slope.T @ line.left - prior * _in_units(state, unit)
         step = _solved(H, gradient)
         if step @ gradient < _SMALL:
             converged = True
             break
         x = step * unit
         state = _State(
-            _turn(x[:3]) @ state.attitude,
+            np.asarray(_window.matrices(jnp.asarray(x[:3]))) @ state.attitude,
             state.steady + x[3:-6].reshape(-1, 3),
             state.biases + x[-6:].reshape(2, 3),
         )
@@ -124,22 +128,25 @@ def fitted(w: Window, belief: Belief) -> Fitted:
 def _units(w: Window, belief: Belief) -> tuple[np.ndarray, np.ndarray]:
     """Of what is unknown, biases in their standard deviations, and its information before any fix."""
     n = 9 if w.positions else 6
-    return np.concatenate([np.ones(n), np.repeat(belief.biases, 3)]), np.concatenate([np.zeros(n), np.ones(6)])
+    prior = np.concatenate([np.zeros(n), np.ones(6)])
+    if not w.told[:, 2].any():
+        prior[_DOWN] = 1 / _CLIMB**2
+    return np.concatenate([np.ones(n), np.repeat(belief.biases, 3)]), prior
 
 
-def _biases_in_units(state: _State, unit: np.ndarray) -> Float64[np.ndarray, "6"]:
-    sd = unit[-6:]
-    return state.biases.ravel() / np.where(sd > 0, sd, 1.0)
+def _in_units(state: _State, unit: np.ndarray) -> Float64[np.ndarray, " unknown"]:
+    """What is unknown, the attitude apart, in its units."""
+    known = np.concatenate([np.zeros(3), state.steady.ravel(), state.biases.ravel()])
+    return known / np.where(unit > 0, unit, 1.0)
 
 
 def _first_guess(w: Window) -> _State:
     """Wahba's answer, without biases, from what velocity and position at the beginning leave of the vectors."""
     m = _window.motion(w.imu, np.zeros(3), np.zeros(3))
     basis = _steady_parts(w)
-    alpha = np.where(np.isnan(w.aim), 0.0, w.aim)
     beta = _window.at(m.time, m.gamma if w.positions else m.beta, w.when)
     across = np.linalg.qr(basis)[0]
-    alpha, beta = (x - across @ (across.T @ x) for x in (alpha, beta))
+    alpha, beta = (x - across @ (across.T @ x) for x in (w.aim, beta))
     C = np.asarray(rotation.dcm_from_quat(jnp.asarray(davenport(alpha, beta))))
     return _State(C, np.zeros((basis.shape[1], 3)), np.zeros((2, 3)))
 
@@ -175,7 +182,7 @@ def _at_end(
     converged: bool,
 ) -> Fitted:
     m, C = line.motion, state.attitude
-    u = _biases_in_units(state, unit)
+    u = _in_units(state, unit)[-6:]
     dof = len(line.left) - (len(unit) - 6)
     misfit = float((line.left @ line.left + u @ u) / dof)
     ends = _end_rows(w, state, line)
@@ -184,7 +191,7 @@ def _at_end(
     shared = np.linalg.solve(line.root, ((F * Q) @ line.kicked.T).T).T
     more = shared @ line.left  # what the fixes tell of the noise since the beginning
     back, t = w.known.turned[-1].T, m.time[-1]
-    attitude = back @ _turn(more[-3:]) @ C @ m.turned[-1]
+    attitude = back @ np.asarray(_window.matrices(jnp.asarray(more[-3:]))) @ C @ m.turned[-1]
     velocity = back @ (ends[-2].value[0] + state.steady[0] + more[-6:-3] - w.known.added[0][-1])
     position = None
     if w.positions:
@@ -201,7 +208,7 @@ def _at_end(
         covariance = turn @ covariance @ turn.T
         if misfit > chi2_quantile(_ODD, dof) / dof:
             covariance = misfit * covariance
-    return Fitted(position, velocity, attitude, covariance, *state.biases, misfit)
+    return Fitted(position, velocity, attitude, covariance, state.biases[0], state.biases[1], misfit)
 
 
 def _end_rows(w: Window, state: _State, line: _Linear) -> list[_window.Rows]:
@@ -247,8 +254,3 @@ def _block_diagonal(blocks: Float64[np.ndarray, "K 3 3"]) -> Float64[np.ndarray,
     whole = np.zeros((K, 3, K, 3))
     whole[np.arange(K), :, np.arange(K), :] = blocks
     return whole.reshape(3 * K, 3 * K)
-
-
-def _turn(rotvec: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """The rotation matrix of a rotation vector."""
-    return np.asarray(rotation.dcm_from_quat(rotation.quat_from_rotvec(jnp.asarray(rotvec))))

@@ -15,10 +15,12 @@ fixes or times the lever arm is left out.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 
+from gmwm_jax._internal.typing import FloatLike
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
@@ -28,6 +30,7 @@ _HALF = 0.05
 """s, to both sides, over which the velocity of an antenna on its arm is a mean: gyros vibrate."""
 
 Array = np.ndarray
+FloatArray = Float[jax.Array, "..."]
 
 
 class Motion(NamedTuple):
@@ -93,12 +96,22 @@ def integral(time: Array, values: Array) -> Array:
 
 def motion(imu: Imu, accel_bias: Array, gyro_bias: Array) -> Motion:
     """Integrate samples less their biases."""
-    zero, straight = jnp.zeros(3), jnp.array([1.0, 0.0, 0.0, 0.0])
-    dt = jnp.full(len(imu), 1 / imu.rate)
     samples = jnp.asarray(imu.gyro - gyro_bias), jnp.asarray(imu.accel - accel_bias)
-    gamma, beta, q = integrate(zero, zero, straight, *samples, dt, FlatEarth(0.0))
-    turned = np.moveaxis(np.asarray(rotation.dcm_from_quat(q.T)), -1, 0)
-    return Motion(imu.epochs - imu.epochs[0], turned, np.asarray(beta), np.asarray(gamma))
+    turned, beta, gamma = (np.asarray(x) for x in _integrated(*samples, 1 / imu.rate))
+    return Motion(imu.epochs - imu.epochs[0], turned, beta, gamma)
+
+
+@jax.jit
+def _integrated(gyro: FloatArray, accel: FloatArray, dt: FloatLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    zero, straight = jnp.zeros(3), jnp.array([1.0, 0.0, 0.0, 0.0])
+    gamma, beta, q = integrate(zero, zero, straight, gyro, accel, jnp.full(len(gyro), dt), FlatEarth(0.0))
+    return jnp.moveaxis(rotation.dcm_from_quat(q.T), -1, 0), beta, gamma
+
+
+@jax.jit
+def matrices(rotvec: FloatArray) -> FloatArray:
+    """The matrices (..., 3, 3) of rotation vectors (3, ...)."""
+    return jnp.moveaxis(rotation.dcm_from_quat(rotation.quat_from_rotvec(rotvec)), (0, 1), (-2, -1))
 
 
 def known(
@@ -111,8 +124,7 @@ def known(
     """Integrate what the Earth adds along positions and velocities in n, the former about the first fix."""
     g = np.asarray(earth.gravity_n(jnp.asarray(position.T))).T
     w = np.asarray(earth.rate_n(jnp.asarray(first)))
-    turned = np.asarray(rotation.dcm_from_quat(rotation.quat_from_rotvec(jnp.asarray(w[:, None] * time))))
-    turned = np.moveaxis(turned, -1, 0)
+    turned = np.asarray(matrices(jnp.asarray(w[:, None] * time)))
     to_velocity = integral(time, np.einsum("nij,nj->ni", turned, np.cross(w, velocity) - g))
     sideways = np.einsum("nij,nj->ni", turned, np.cross(w, position - first))
     return Known(turned, (to_velocity, integral(time, to_velocity - sideways)))

@@ -215,9 +215,9 @@ def _arranged(
     z = part.position - part.position[0] if positions else v
     turned, added = _window.at(time, known.turned, when), _window.at(time, known.added[positions], when)
     aim = np.einsum("kij,kj->ki", turned, np.nan_to_num(z)) + added
-    # no rotation of a window takes a component that is not there to another by more than noise
-    aim = np.where(np.isnan(z), np.nan, aim)
-    return Window(imu, part.position[0], when, known, aim, noise, arm, positions)
+    # a window turns by far too little for what is missing of one component to be felt in another
+    told = np.isfinite(z)
+    return Window(imu, part.position[0], when, known, aim, told, noise, arm, positions)
 
 
 def _untold(w: Window, part: GnssRecord, sd: float, misfit: float) -> str:
