@@ -65,6 +65,7 @@ _STEMS = {
     "navigate": "navigation",
     "outages": "outages",
     "inspect": "inspection",
+    "align": "alignment",
 }
 """Command -> stem of the files of its report."""
 
@@ -301,6 +302,15 @@ def inspect(
         raise ValueError("Figures need a folder: give --out.")
     report = inspection_report(inspect_file(config, most_offset))
     _give(report, json_file, out, plot=out is not None if plot is None else plot)
+
+
+@_command
+def align(config: Record, out: Out = None, json_file: Json = None) -> None:
+    """Find roll, pitch and heading, at rest or on the move as [align] says, with standard deviations."""
+    from nav_jax.app.alignment_file import align_file
+    from nav_jax.app.reports import alignment_report
+
+    _give(alignment_report(align_file(config)), json_file, out, plot=False)
 
 
 @_command

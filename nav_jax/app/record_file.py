@@ -57,7 +57,7 @@ from nav_jax.trajectory.columns import choose
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.trajectory import Trajectory
 
-_SECTIONS = ("record", "filters", "aiding", "initial", "reference", "run", "output")
+SECTIONS = ("record", "filters", "aiding", "initial", "reference", "align", "run", "output")
 
 _IMU_READ = ("units", "scale", "rate", "columns", "time_unit", "gaps", "samples", "stamps", "format",
              "delimiter", "header", "variable", "max_bytes")  # fmt: skip
@@ -351,7 +351,7 @@ def inspect_file(path: str | os.PathLike[str], most_offset: float) -> Inspection
     """
 
     def build(tables: Mapping[str, Any], folder: Path) -> Inspection:
-        check_sections(tables, _SECTIONS, ("record",))
+        check_sections(tables, SECTIONS, ("record",))
         record = checked(RecordSection, tables["record"], "[record]")
         listed = aiding_sections(tables.get("aiding", []), FIXES)
         with place("[record]"):
@@ -369,7 +369,7 @@ def inspect_file(path: str | os.PathLike[str], most_offset: float) -> Inspection
 
 
 def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
-    check_sections(tables, _SECTIONS, ("record", "filters", "initial"))
+    check_sections(tables, SECTIONS, ("record", "filters", "initial"))
     # all sections are checked before the first file is read
     run = checked(RecordRunSection, tables.get("run", {}), "[run]")
     output = checked(RecordOutputSection, tables.get("output", {}), "[output]")

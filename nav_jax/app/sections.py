@@ -324,6 +324,36 @@ class InitialSection(Section):
     attitude_sd: Annotated[PerAxis, _axes_in("rad")] = 0.0
 
 
+class AlignSection(Section):
+    """``motion = "moving"`` or ``"at rest"``: arguments of `align_on_the_move`, or of `align_at_rest`."""
+
+    motion: Literal["moving", "at rest"]
+    window: Time | None = None
+    velocity_sd: Annotated[PerAxis, _axes_in("m/s")] | None = None
+    position_sd: Annotated[PerAxis, _axes_in("m")] | None = None
+    accel_bias_sd: Acceleration | None = None
+    gyro_bias_sd: Annotated[float, _in("rad/s")] | None = None
+    accel_noise: Annotated[float, _in("m/s^2/sqrt(Hz)")] | None = None
+    gyro_noise: Annotated[float, _in("rad/s/sqrt(Hz)")] | None = None
+    averaged: Time | None = None
+    lever_arm: Annotated[list[float], _axes_in("m")] | None = None
+    yaw: Angle | None = None
+    yaw_sd: Angle | None = None
+
+    def arguments(self) -> dict[str, Any]:
+        """Those that are given, all of them of the alignment that is asked for."""
+        still = ("position_sd", "accel_bias_sd", "gyro_bias_sd", "yaw", "yaw_sd")
+        known = (
+            still
+            if self.motion == "at rest"
+            else [k for k in type(self).model_fields if k not in ("motion", *still[3:])]
+        )
+        given = self.given("motion")
+        if wrong := sorted(set(given) - set(known)):
+            raise ValueError(f'{wrong[0]} is no argument of motion = "{self.motion}"; there are {", ".join(known)}.')
+        return given
+
+
 class OfEarth(Section):
     """The Earth of a run: a flat one with its gravity, or WGS-84 about the origin of positions."""
 

@@ -107,10 +107,11 @@ TOML = {
     "utf-16": TEXT.encode("utf-16"),
     "a list": b"[[trajectory]]\nmotion = 'circle'\n",
 }
+COMMANDS = ("run", "compare", "budget", "design", "navigate", "outages", "tune", "inspect", "align")
 
 
 @pytest.mark.parametrize("what", TOML)
-@pytest.mark.parametrize("command", ["run", "compare", "budget", "design", "navigate", "outages", "tune", "inspect"])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_bad_configuration(folder, what, command):
     (folder / "bad.toml").write_bytes(TOML[what])
     assert_refused(app, [command, "bad.toml"])
@@ -123,9 +124,9 @@ def of(command, *options, values):
 
 RUN, TUNE = ("run", "good.toml"), ("tune", "record.toml")
 OPTIONS = [
-    *((command, file) for command in ("run", "compare", "budget", "design", "navigate", "outages", "tune", "inspect")
+    *((command, file) for command in COMMANDS
       for file in ("none.toml", "no/where.toml", "results", "imu.csv", "gnss.npz", "a\nb.toml")),
-    *((command,) for command in ("run", "compare", "budget", "design", "navigate", "tune", "inspect")),
+    *((command,) for command in ("run", "compare", "budget", "design", "navigate", "tune", "inspect", "align")),
     ("compare", "good.toml"),
     *of(RUN, "--filter", values=("left", "", "1")),
     *of(RUN, "--num-runs", values=("0", "-1", "many", "1.5", "99999999999999")),

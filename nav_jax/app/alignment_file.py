@@ -1,0 +1,58 @@
+"""The attitude of a record by its section [align]: what ``nav-jax align`` reads."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, from_toml, place
+from nav_jax.app.record_file import FIXES, SECTIONS, RecordRunSection, RecordSection
+from nav_jax.app.sections import AlignSection
+from nav_jax.recorded.at_rest import StartAtRest, align_at_rest
+from nav_jax.recorded.on_the_move import StartOnTheMove, align_on_the_move
+
+_OF_RECEIVERS = ("lever_arm", "averaged")
+"""Keys of a receiver that hold unless [align] has them."""
+
+
+def align_file(path: str | os.PathLike[str]) -> StartAtRest | StartOnTheMove:
+    """Align by a configuration, of which [record], [align], [[aiding]] and the Earth of [run] are read.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        See `read_record`; a record that does not tell its attitude.
+    """
+    return from_toml(Path(path), _aligned)
+
+
+def _aligned(tables: Mapping[str, Any], folder: Path) -> StartAtRest | StartOnTheMove:
+    check_sections(tables, SECTIONS, ("record", "align"))
+    run = checked(RecordRunSection, tables.get("run", {}), "[run]")
+    asked = checked(AlignSection, tables["align"], "[align]")
+    record = checked(RecordSection, tables["record"], "[record]")
+    listed = aiding_sections(tables.get("aiding", []), FIXES)
+    with place("[align]"):
+        options = asked.arguments()
+    with place("[record]"):
+        imu = record.build(folder)
+    gnss, receiver = None, {}
+    for i, section in enumerate(listed):
+        if gnss is None and section.is_gnss_file():
+            with place(f"[[aiding]] {i + 1}"):
+                gnss = section.receiver(folder, record.origin).shifted(record.time_offset + section.time_offset)
+            receiver = {k: getattr(section, k) for k in _OF_RECEIVERS if k in section.model_fields_set}
+    origin = np.array(record.origin) if record.origin is not None else None if gnss is None else gnss.origin
+    with place("[run]"):
+        earth = run.build_earth(origin, "[record]")
+    with place("[align]"):
+        if asked.motion == "at rest":
+            there = {} if record.position is None else {"position": record.position}
+            return align_at_rest(imu, **there, **options, earth=earth)
+        if gnss is None:
+            raise ValueError(
+                "an alignment on the move needs the file of a GNSS receiver in [[aiding]], and there is none."
+            )
+        return align_on_the_move(imu, gnss, **{**receiver, **options}, earth=earth)

@@ -1,0 +1,107 @@
+"""The command align: a record at rest and one on the move, whose attitudes are known, and bad input."""
+
+import json
+
+import numpy as np
+import pymap3d
+import pytest
+from nav import moving
+from nav.app.test_analysis_cli import call
+from scipy.spatial.transform import Rotation
+
+import nav_jax as nj
+
+ORIGIN = (46.5, 6.6, 400.0)
+TOW = 156840.0
+TOML = """
+[record]
+imu = "imu.csv"
+units = { gyro = "rad/s", accel = "m/s^2" }
+
+[align]
+"""
+MOVING = """motion = "moving"
+velocity_sd = "0.05 m/s"
+position_sd = 0.05
+accel_bias_sd = "2 mg"
+gyro_bias_sd = "0.1 deg/s"
+gyro_noise = "0.1 deg/sqrt(h)"
+
+[[aiding]]
+type = "gnss_position"
+file = "gnss.pos"
+"""
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """Somebody works where the files are, and folders below are made."""
+    monkeypatch.chdir(tmp_path)
+
+
+def written(folder, drive, text):
+    """The files of a drive, and its configuration."""
+    table = np.column_stack([TOW + drive.imu.time, drive.imu.gyro, drive.imu.accel])
+    names = "time,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    np.savetxt(folder / "imu.csv", table, "%.12f", delimiter=",", header=names, comments="")
+    lines = ["% GPST latitude(deg) longitude(deg) height(m) Q ns sdn sde sdu sdne sdeu sdun age ratio vn ve vu"]
+    for k in range(0, len(drive.time), 25):
+        p = pymap3d.ned2geodetic(*drive.position[k], *ORIGIN)
+        v = " ".join(f"{x:.9f}" for x in drive.velocity[k] * [1, 1, -1])
+        lines.append(f"2322 {TOW + drive.time[k]:.3f} {p[0]:.12f} {p[1]:.12f} {p[2]:.6f} 1 9 .1 .1 .1 0 0 0 0 9 {v}")
+    (folder / "gnss.pos").write_text("\n".join(lines))
+    (folder / "drive.toml").write_text(TOML + text)
+    return folder / "drive.toml"
+
+
+def aligned(config, tmp_path):
+    stdout = call("align", config, "--out", tmp_path / "out", "--json", tmp_path / "a.json").stdout
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert json.loads((tmp_path / "out" / "alignment.json").read_text()) == content
+    assert (tmp_path / "out" / "alignment.txt").read_text().strip() in stdout
+    return content, stdout
+
+
+def test_on_the_move(tmp_path):
+    drive = moving.car()
+    content, stdout = aligned(written(tmp_path, drive, MOVING), tmp_path)
+    assert content["time"] == TOW + 30.0
+    yaw, pitch, roll = Rotation.from_matrix(drive.C[round(30.0 * moving.RATE)]).as_euler("ZYX", degrees=True)
+    found = content["euler_deg"]
+    np.testing.assert_allclose([found["roll"], found["pitch"], found["yaw"]], [roll, pitch, yaw], atol=0.01)
+    assert "yaw" in stdout
+    # an arm of the receiver is used: its antenna is taken for being a metre behind where it is
+    shifted = written(tmp_path, drive, MOVING + "lever_arm = [1.0, 0.0, 0.0]\n")
+    other, _ = aligned(shifted, tmp_path)
+    apart = np.linalg.norm(np.subtract(other["position"], content["position"]))
+    assert apart == pytest.approx(1.0, abs=0.01)
+    # the sd of roll, pitch and yaw are those of small turns of the attitude in n, here by finite differences
+    C, base = np.array(content["covariance"])[6:, 6:], drive.C[round(30.0 * moving.RATE)]
+    slope = np.array([
+        Rotation.from_matrix(Rotation.from_rotvec(1e-6 * e).as_matrix() @ base).as_euler("ZYX") for e in np.eye(3)
+    ]).T - Rotation.from_matrix(base).as_euler("ZYX")[:, None]  # fmt: skip
+    sd = np.rad2deg(np.sqrt(np.diag(slope @ C @ slope.T)) / 1e-6)
+    np.testing.assert_allclose([content["euler_sd_deg"][k] for k in ("yaw", "pitch", "roll")], sd, rtol=1e-3)
+
+
+def test_at_rest(tmp_path):
+    still = nj.motions.static(duration=8.0, rate=moving.RATE, euler=(0.0, 0.0, 0.7))
+    drive = moving.turned(*nj.perfect_imu(still), (0.1, -0.05, 0.0))
+    text = 'motion = "at rest"\nyaw = "40 deg"\nyaw_sd = "2 deg"\naccel_bias_sd = "1 mg"\n'
+    content, _ = aligned(written(tmp_path, drive, text), tmp_path)
+    assert content["euler_deg"] == pytest.approx(
+        {"roll": np.rad2deg(0.1), "pitch": np.rad2deg(-0.05), "yaw": 40.0}, abs=1e-6
+    )
+    assert content["euler_sd_deg"]["yaw"] == pytest.approx(2.0, rel=0.01)
+    assert content["euler_sd_deg"]["pitch"] == pytest.approx(np.rad2deg(1e-3), rel=0.01)
+
+
+def test_what_is_wrong_is_said(tmp_path):
+    drive = moving.car()
+    for text, said in (
+        ('motion = "moving"\n', "needs the file of a GNSS receiver"),
+        ('motion = "at rest"\nwindow = 20.0\n', "window is no argument of motion"),
+        ('motion = "flying"\n', "[align]"),
+        ("window = 20.0\n", "motion"),
+    ):
+        assert said in call("align", written(tmp_path, drive, text), code=2).stderr
