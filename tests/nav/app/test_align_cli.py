@@ -46,7 +46,7 @@ def written(folder, drive, text):
     np.savetxt(folder / "imu.csv", table, "%.12f", delimiter=",", header=names, comments="")
     lines = ["% GPST latitude(deg) longitude(deg) height(m) Q ns sdn sde sdu sdne sdeu sdun age ratio vn ve vu"]
     for k in range(0, len(drive.time), 25):
-        p = pymap3d.ned2geodetic(*drive.position[k], *ORIGIN)
+        p = pymap3d.ned2geodetic(*(drive.position[k]), *ORIGIN)
         v = " ".join(f"{x:.9f}" for x in drive.velocity[k] * [1, 1, -1])
         lines.append(f"2322 {TOW + drive.time[k]:.3f} {p[0]:.12f} {p[1]:.12f} {p[2]:.6f} 1 9 .1 .1 .1 0 0 0 0 9 {v}")
     (folder / "gnss.pos").write_text("\n".join(lines))
