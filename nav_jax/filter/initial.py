@@ -89,7 +89,7 @@ class InitialUncertainty(eqx.Module):
             )
 
 
-def warn_of_attitude(initial: InitialUncertainty) -> None:
+def warn_of_attitude(initial: InitialUncertainty, *, stacklevel: int = 4) -> None:
     """Warn where an attitude is less certain than a linearisation holds."""
     P = concrete(initial.covariance)
     largest = 0.0 if P is None else float(np.sqrt(np.diagonal(P)[list(NAVIGATION.columns("attitude"))].max()))
@@ -99,5 +99,5 @@ def warn_of_attitude(initial: InitialUncertainty) -> None:
             f"linearises about its estimate: beyond {np.rad2deg(_LARGEST):.3g} deg its claims are too small and runs "
             "may diverge. Align first (course, velocity matching, two antennas), and start from what that leaves.",
             LinearisationWarning,
-            stacklevel=4,
+            stacklevel=stacklevel,
         )

@@ -3,6 +3,7 @@
 Latitude and longitude are in rad and the height is that above the ellipsoid in m; all by NumPy in float64.
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,7 +25,14 @@ EP2 = E2 / (1 - E2)
 _DEEPEST, _HIGHEST = -15e3, 5e7
 """m: below every ocean, and above every satellite of a navigation system."""
 
+_FAR = 500e3
+"""m from an origin to the nearest position, of one that is none of the record's."""
+
 Geodetic = Float64[np.ndarray, "3"]
+
+
+class FarOriginWarning(UserWarning):
+    """A warning that all positions are far from the origin of their frame."""
 
 
 def checked_origin(origin: Sequence[Real] | np.ndarray) -> Geodetic:
@@ -36,6 +44,36 @@ def checked_origin(origin: Sequence[Real] | np.ndarray) -> Geodetic:
     if not _DEEPEST <= point[2] <= _HIGHEST:
         raise ValueError(f"{stated}: no place at or near the Earth has that height.")
     return point
+
+
+def check_geodetic(geodetic: Vectors) -> None:
+    """Raise a ValueError where latitudes, longitudes (rad) and heights (m), shape (N, 3), are none near the Earth."""
+    latitude, longitude = np.rad2deg(np.abs(geodetic[:, :2]).max(axis=0, initial=0.0))
+    for name, reached, most in (("Latitudes", latitude, 90.0), ("Longitudes", longitude, 360.0)):
+        if reached > most * (1 + 1e-9):
+            raise ValueError(
+                f"{name} reach {np.deg2rad(reached):.6g} rad, {reached:g} deg, and the most is {most:g} deg: are they "
+                'in deg and taken for rad? Where angles="deg" or "rad" is stated, it is wrong.'
+            )
+    off = np.flatnonzero((geodetic[:, 2] < _DEEPEST) | (geodetic[:, 2] > _HIGHEST))
+    if len(off):
+        raise ValueError(
+            f"At index {off[0]} a height is {geodetic[off[0], 2]:.6g} m above the ellipsoid, and no place at or near "
+            "the Earth has that: its unit is another, or the position is none."
+        )
+
+
+def warn_of_far_origin(ned: Vectors, *, stacklevel: int = 3) -> None:
+    """Warn where even the nearest of some positions (N, 3) in m is far from the origin of n."""
+    nearest = float(np.linalg.norm(ned, axis=1).min(initial=np.inf))
+    if _FAR < nearest < np.inf:
+        warnings.warn(
+            f"The nearest position is {nearest / 1e3:.4g} km from the origin, and the axes of n, which are level at "
+            f"the origin, are tilted by {np.rad2deg(nearest / A):.3g} deg there: attitudes and velocities are along "
+            "them. Is it the origin of another record? Take one near this one.",
+            FarOriginWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def ecef_from_geodetic(geodetic: Vectors) -> Vectors:

@@ -73,6 +73,7 @@ from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate
 from nav_jax.recorded.on_the_move import StartOnTheMove as StartOnTheMove
 from nav_jax.recorded.on_the_move import align_on_the_move as align_on_the_move
+from nav_jax.recorded.plausibility import ImplausibleRecordWarning as ImplausibleRecordWarning
 from nav_jax.recorded.standstill import standing as standing
 from nav_jax.recorded.standstill import stops as stops
 from nav_jax.recorded.study import OutageStudy as OutageStudy

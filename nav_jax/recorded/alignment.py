@@ -32,6 +32,11 @@ def mounted(imu: Imu, euler: Any) -> Imu:
         Roll, pitch, yaw in rad of the axes of the IMU in those of the body, as those of a body in n: (pi, 0, 0) is an
         IMU upside down.
 
+    Raises
+    ------
+    ValueError
+        Angles beyond 2 pi, which are in deg.
+
     Examples
     --------
     >>> samples, _ = nj.perfect_imu(nj.motions.static(duration=2.0, rate=20.0))
@@ -43,7 +48,10 @@ def mounted(imu: Imu, euler: Any) -> Imu:
 
 def turned(vectors: Float64[np.ndarray, "N 3"], euler: Any) -> Float64[np.ndarray, "N 3"]:
     """Vectors along the axes of the body, from those along axes that have this roll, pitch and yaw in it."""
-    q = rotation.quat_from_euler(jnp.asarray(real_array("The mounting (roll, pitch, yaw)", euler, (3,)))[:, None])
+    angles = real_array("The mounting (roll, pitch, yaw)", euler, (3,))
+    if np.abs(angles).max() > 2 * np.pi:
+        raise ValueError(f"The mounting is roll, pitch, yaw in rad, and is {angles.tolist()}: np.deg2rad converts deg.")
+    q = rotation.quat_from_euler(jnp.asarray(angles)[:, None])
     return np.asarray(rotation.rotate(q, jnp.asarray(vectors.T))).T
 
 
@@ -119,7 +127,7 @@ def align_by_course(
     Raises
     ------
     ValueError
-        The vehicle is never that fast while both are there.
+        The vehicle is never that fast while both are there; gravity points up in the body.
 
     Examples
     --------
@@ -145,8 +153,13 @@ def align_by_course(
     ahead, behind = (_interpolated(time, velocity, at + s * _WINDOW) for s in (1, -1))
     pull = (ahead - behind) / (2 * _WINDOW) - np.array([0.0, 0.0, float(gravity)])
     near = np.abs(imu.time + 0.5 / imu.rate - at) <= _WINDOW
-    yaw = float(np.arctan2(v[1], v[0]))
-    roll, pitch = _levelled(imu.accel[near].mean(axis=0), pull, yaw)
+    yaw, force = float(np.arctan2(v[1], v[0])), imu.accel[near].mean(axis=0)
+    if force[2] > 0.5 * float(gravity):
+        raise ValueError(
+            f"Gravity points up in this body at {at:g} s (specific force {force.round(2).tolist()} m/s^2; level it has "
+            f"-{gravity:.2f} down): turn the samples by nav_jax.recorded.mounted, (pi, 0, 0) for an IMU upside down."
+        )
+    roll, pitch = _levelled(force, pull, yaw)
     q = np.asarray(rotation.quat_from_euler(jnp.array([roll, pitch, yaw])))
     return Start(at, _interpolated(fixes.time, fixes.position, at), v, q)
 

@@ -1,5 +1,6 @@
 """The attitude of a vehicle that stands: level from gravity, heading from the turning Earth, biases from the rest."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +15,14 @@ from nav_jax.imu.imu import Imu
 from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.recorded.alignment import Start
+from nav_jax.recorded.plausibility import ImplausibleRecordWarning
 
 _OFF = 0.05
 """Share of gravity by which the mean specific force may differ from it: biases of 50 mg are those of no IMU at rest."""
+_TURNING = np.deg2rad(100.0)
+"""rad/s of mean rate, beyond the turn-on bias of any gyro."""
+_SUSPECT = np.deg2rad(10.0)
+"""rad/s, beyond that of most."""
 _SURE = np.deg2rad(10.0)
 """rad of heading, beyond which filters that linearise do not work."""
 
@@ -71,8 +77,14 @@ def align_at_rest(
     Raises
     ------
     ValueError
-        Gravity points up in the body, or is not that of the Earth; the gyros cannot tell the heading, and none is
-        given; a yaw without its standard deviation.
+        Gravity points up in the body, or is not that of the Earth; the gyros turn by more than 100 deg/s, or by another
+        rate than that of the Earth where they tell the heading; they cannot tell it, and none is given; a yaw without
+        its standard deviation, or in deg.
+
+    Warns
+    -----
+    ImplausibleRecordWarning
+        The gyros turn by more than 10 deg/s in the mean.
 
     Examples
     --------
@@ -97,6 +109,7 @@ def align_at_rest(
             f"Gravity points up in this body (specific force {f.round(2).tolist()} m/s^2; level and at rest it has "
             f"-{g:.2f} down): turn the samples by nav_jax.recorded.mounted, (pi, 0, 0) for an IMU upside down."
         )
+    _check_rate(float(np.linalg.norm(w)), w_n, yaw is None)
     roll, pitch = float(np.arctan2(-f[1], -f[2])), float(np.arctan2(f[0], np.hypot(f[1], f[2])))
     tilt = number("accel_bias_sd", accel_bias_sd, zero_ok=True) / g
     follows = 0.0
@@ -108,6 +121,8 @@ def align_at_rest(
         raise ValueError("Give the standard deviation of the yaw, yaw_sd in rad, beside the yaw.")
     else:
         yaw, turned = number("yaw", yaw, negative_ok=True), number("yaw_sd", yaw_sd, zero_ok=True)
+        if abs(yaw) > 2 * np.pi or turned > np.pi:
+            raise ValueError(f"yaw and yaw_sd are in rad, and are {yaw:g} and {turned:g}: np.deg2rad converts deg.")
     q = np.asarray(rotation.quat_from_euler(jnp.array([roll, pitch, yaw])))
     bias = w - np.asarray(rotation.rotate_back(jnp.asarray(q), jnp.asarray(w_n)))
     factor = np.array([[tilt, 0.0, 0.0], [0.0, tilt, 0.0], [follows * tilt, 0.0, turned]])
@@ -115,6 +130,23 @@ def align_at_rest(
     C[6:, 6:] = factor @ factor.T
     initial = InitialUncertainty(covariance=C)
     return StartAtRest(float(imu.epochs[-1]), p, np.zeros(3), q, bias, initial)
+
+
+def _check_rate(size: float, w_n: np.ndarray, tells_heading: bool) -> None:
+    """Raise where gyros at rest turn as none does, and warn where few do."""
+    known = f"The mean of the gyros is {size:.4g} rad/s at rest"
+    units = f"in deg/s it would be {np.deg2rad(size):.3g} rad/s, in deg/h {np.deg2rad(size) / 3600:.3g}"
+    if size > _TURNING:
+        raise ValueError(f"{known}: the body turns, or their unit is another ({units}).")
+    if size > _SUSPECT:
+        text = f"{known}, {np.rad2deg(size):.3g} deg/s: the body turns, their unit is another ({units}), or a bias is."
+        warnings.warn(text, ImplausibleRecordWarning, stacklevel=3)
+    of_earth = float(np.linalg.norm(w_n))
+    if tells_heading and of_earth and not 0.5 < size / of_earth < 2.0:
+        raise ValueError(
+            f"{known}, {size / of_earth:.4g} times the rate of the Earth, by which they should tell the heading: their "
+            f"unit is another ({units}), or a bias is larger than that. Take it off, or give the yaw."
+        )
 
 
 def _gyrocompass(imu: Imu, w: np.ndarray, w_n: np.ndarray, roll: float, pitch: float, sd: float) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmwm_jax._internal.checks import real_array, require_x64, sampling_rate
+from gmwm_jax._internal.checks import require_x64, sampling_rate
 from gmwm_jax._internal.gravity import warn_of_units
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
@@ -19,7 +19,8 @@ from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.registry import AIDING
 from nav_jax.imu.imu import Imu
 from nav_jax.imu.samples import imu_of_samples
-from nav_jax.trajectory.columns import ACCEL, GYRO, Reader, pick
+from nav_jax.kinematics.geodetic import check_geodetic, checked_origin, warn_of_far_origin
+from nav_jax.trajectory.columns import ACCEL, GYRO, POSITION, Reader, pick
 
 
 def read_imu(
@@ -294,12 +295,18 @@ def read_fixes(
         known = ", ".join(cls.__name__ for cls in AIDING.values())
         raise ValueError(f"Fixes are read for {known}, and this is {type(sensor).__name__}: build Fixes from arrays.")
     if origin is not None:
-        origin = real_array("The origin (latitude, longitude, height)", origin, (3,))
+        origin = checked_origin(origin)
     names = sensor.columns(geodetic=origin is not None)
     try:
         table = open_source(source, Reading(delimiter, header, variable, max_bytes=size_in_bytes(max_bytes)))
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
-        return Fixes(sensor, _seconds(read), sensor.measured(read.three(names), origin))
+        values = read.three(names)
+        if names[:3] == POSITION["geodetic"]:
+            check_geodetic(values[:, :3])
+        found = Fixes(sensor, _seconds(read), sensor.measured(values, origin))
+        if names[:3] == POSITION["geodetic"]:
+            warn_of_far_origin(found.value[:, :3])
+        return found
     except ValueError as error:
         raise _of_file(error, source) from error
 

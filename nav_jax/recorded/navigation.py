@@ -43,6 +43,7 @@ from nav_jax.kinematics.wgs84 import Wgs84
 from nav_jax.recorded._export import export_navigation, navigation_dataset
 from nav_jax.recorded.gates import Gate, gate_line, limits_of, warn_of_rows
 from nav_jax.recorded.outages import Outages, without
+from nav_jax.recorded.plausibility import check_record, warn_of_innovations, warn_of_open_outages, warn_of_record
 from nav_jax.recorded.reference import ReferenceErrors
 from nav_jax.recorded.withheld import Withheld
 from nav_jax.statistics.distributions import chi2_quantile
@@ -54,6 +55,10 @@ if TYPE_CHECKING:
 
 _OF_A_FAILED_FILTER = ("sd", "sensor_errors", "innovation", "innovation_sd", "nis")
 """Fields that are NaN from the epoch on at which it failed."""
+
+
+_TOLD = 0.95
+"""Of the standard deviation at the start: an error that is not known better at the end has not been observed."""
 
 
 def _check(navigation: "Navigation") -> None:
@@ -120,6 +125,28 @@ class Navigation(Drawable, Saved):
     def time(self) -> Float64[np.ndarray, " E"]:
         """Epochs, s."""
         return self.trajectory.time
+
+    @property
+    def unobserved(self) -> dict[str, float]:
+        """Channels of the IMU -> standard deviation of their estimated error at the end over that at the start.
+
+        Of those for which it is 0.95 or more: no sensor, and nothing that the vehicle did, has told them. Without
+        entries for a smoother, which is as sure at the start as at the end.
+
+        Examples
+        --------
+        >>> samples, exact = nj.perfect_imu(nj.motions.static(duration=20.0, rate=20.0))  # nothing tells the heading
+        >>> filter = nj.ImuErrors("WN(sigma2=1e-6)", "WN(sigma2=1e-10)", rate=20.0, gyro_bias_sd=1e-3)
+        >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+        >>> gnss = nj.GnssPosition(horizontal=0.01, vertical=0.01)
+        >>> fixes = nj.Fixes(gnss, exact.time[20::20], exact.position[20::20])
+        >>> list(nj.navigate(samples, [fixes], filter, **start, initial=nj.InitialUncertainty()).unobserved)
+        ['gyro z']
+        """
+        if len(self.before) == 0 and self.nis:
+            return {}
+        first, last = self.sd[[0, -1]][:, NAVIGATION.size :]
+        return {name: float(b / a) for name, a, b in zip(CHANNELS, first, last, strict=True) if b >= _TOLD * a > 0}
 
     def to_xarray(self) -> "xarray.Dataset":
         """All estimates and innovations as a Dataset with units; needs the extra ``io``."""
@@ -192,9 +219,16 @@ class Navigation(Drawable, Saved):
                 for f in self.fixes
                 if f.sensor.name in self.refused
             ),
+            *_unobserved_line(self),
             *(f"\n{s} in its outages, predicted - measured\n{w!r}" for s, w in self.withheld.items()),
         ]
         return "\n".join(lines if self.errors is None else [*lines, "", repr(self.errors)])
+
+
+def _unobserved_line(navigation: Navigation) -> list[str]:
+    """What no sensor told."""
+    listed = ", ".join(f"{name} {ratio:.3g}" for name, ratio in navigation.unobserved.items())
+    return [f"hardly observed, with sd at the end over that at the start: {listed}"] if listed else []
 
 
 def _nis_line(sensor: str, nis: Float64[np.ndarray, " F"], K: int) -> str:
@@ -252,10 +286,6 @@ def prepare_navigation(
     bound_programs()
     epochs = imu.epochs
     times = output_times(float(epochs[0]), float(epochs[-1]), output_interval, "record")
-    schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
-    lengths = [len(times), *(len(f.time) for f in aiding)]
-    outputs, *fixes = np.split(schedule.event, np.cumsum(lengths)[:-1])
-    M = len(schedule.time)
     start = {
         name: real_array(name, value, (size,))
         for name, value, size in (("position", position, 3), ("velocity", velocity, 3), ("quaternion", quaternion, 4))
@@ -263,6 +293,11 @@ def prepare_navigation(
     if abs(np.linalg.norm(start["quaternion"]) - 1) > 1e-6:
         raise ValueError(f"The quaternion must have length 1, and has {np.linalg.norm(start['quaternion']):g}.")
     earth.check(start["position"][None], None if reference is None else reference.origin)
+    check_record(imu, aiding, start["position"], start["quaternion"], earth)
+    schedule = make_schedule(epochs, np.concatenate([times, *(f.time for f in aiding)]), integer("every", every, 1))
+    lengths = [len(times), *(len(f.time) for f in aiding)]
+    outputs, *fixes = np.split(schedule.event, np.cumsum(lengths)[:-1])
+    M = len(schedule.time)
     p, v, q = (as_float(a[:, None]) for a in start.values())
     begin = NavState(p, v, q, as_float(np.zeros((0, 1))))
     truth = _truth(reference, schedule.time, earth)
@@ -394,9 +429,9 @@ def navigate(
     Raises
     ------
     ValueError
-        Another rate, fixes outside the record, arrays of wrong shape, two sensors of one name, a start or an Earth of
-        another class, a reference of another time, an outage that holds no fix or has none before it, a gate that is
-        no probability.
+        Another rate, fixes outside the record or off the Earth, gravity that points up at the start, arrays of wrong
+        shape, two sensors of one name, a start or an Earth of another class, a reference of another time, an outage
+        that holds no fix or has none before it, a gate that is no probability.
     RuntimeError
         The filter failed, and ``throw``.
 
@@ -404,6 +439,14 @@ def navigate(
     -----
     RefusedFixesWarning
         A gate refused five fixes in a row.
+    ImplausibleRecordWarning
+        Parts of the record contradict each other: forces and gravity, turns and accelerations of the IMU and of the
+        fixes, heights, the start and the first fixes; an outage that nothing follows, of a smoother; innovations that
+        are five times as large as the filter states, and more.
+    LinearisationWarning
+        An attitude at the start that is less certain than 10 deg.
+    FarOriginWarning
+        On a curved Earth, an origin that is 500 km or more from all fixes.
 
     Examples
     --------
@@ -437,6 +480,9 @@ def navigate(
         vibration=vibration,
         gate=gate,
     )
+    warn_of_record(imu, aiding, done.inputs.start, initial, earth)
+    if smooth:
+        warn_of_open_outages(aiding)
     predict = not all(f.given.all() for f in aiding)
     how = {"trace": not smooth, "smooth": smooth, "predict": predict}
     outcome = run_record(done.timeline, done.sensors, done.inputs, filter, initial, **how)
@@ -459,6 +505,8 @@ def navigate(
         if gates is not None and outcome.passed is not None and np.isfinite(gates[i]):
             refused[name] = ~np.asarray(outcome.passed)[segments[given], i, 0]
             warn_of_rows(name, fixes.time[given], refused[name])
+        else:
+            warn_of_innovations(name, (innovation**2 / variance)[segments[given], a:b].sum(axis=1), b - a)
         if not given.all() and outcome.comparison is not None:
             at = segments[~given]
             residual, C = (np.asarray(x)[..., 0] for x in outcome.comparison)

@@ -31,6 +31,7 @@ from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.recorded._search import Objective, search
 from nav_jax.recorded.likelihood import Model, Record
 from nav_jax.recorded.navigation import prepare_navigation
+from nav_jax.recorded.plausibility import warn_of_record
 from nav_jax.statistics.distributions import normal_quantile
 
 _WIDEST = 20.0
@@ -239,6 +240,7 @@ def tune(
         output_interval=imu.duration,
         earth=earth,
     )
+    warn_of_record(imu, aiding, done.inputs.start, initial, earth)
     record = Record(done.timeline, done.inputs, initial)
     model = Model(ErrorLines(filter), AidingLines(done.sensors), tune_aiding)
     names, size = model.names, len(model.names)

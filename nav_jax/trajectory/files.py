@@ -16,7 +16,14 @@ from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.typing import Matrix, Quaternion, Real, Vector
 from nav_jax.kinematics import rotation
-from nav_jax.kinematics.geodetic import checked_origin, dcm_ned_from_ecef, geodetic_from_ned, ned_from_geodetic
+from nav_jax.kinematics.geodetic import (
+    check_geodetic,
+    checked_origin,
+    dcm_ned_from_ecef,
+    geodetic_from_ned,
+    ned_from_geodetic,
+    warn_of_far_origin,
+)
 from nav_jax.trajectory.columns import ATTITUDE, POSITION, VELOCITY, Reader, choose
 from nav_jax.trajectory.maps import MAPS
 from nav_jax.trajectory.trajectory import Trajectory
@@ -217,14 +224,14 @@ def _assemble(time, p, euler, v, system: str, origin: Sequence[Real] | np.ndarra
         if origin is not None:
             raise ValueError("An origin belongs to geodetic positions, and these are north, east, down.")
         return Trajectory.from_euler(time, p, euler, velocity=v, name=name)
-    if len(p) and np.abs(p[:, 0]).max() > np.pi / 2:
-        raise ValueError(f"Latitudes reach {np.abs(p[:, 0]).max():.6g} rad, more than pi/2: are they in deg?")
+    check_geodetic(p)
     centre = checked_origin(p[0] if origin is None else origin)
     # from the local frame of each point to that of the origin
     turn = dcm_ned_from_ecef(centre[0], centre[1]) @ dcm_ned_from_ecef(p[:, 0], p[:, 1]).transpose(0, 2, 1)
     q = _turned(turn.transpose(1, 2, 0), euler.T)
     velocity = None if v is None else np.einsum("kij,kj->ki", turn, v)
     ned = ned_from_geodetic(p, centre)
+    warn_of_far_origin(ned, stacklevel=4)
     found = Trajectory.from_quaternion(time, ned, np.asarray(q).T, velocity=velocity, name=name)
     return replace(found, origin=centre)
 

@@ -13,12 +13,14 @@ from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.tabular import require_file
 from gmwm_jax._internal.typing import Real
 from nav_jax.kinematics.geodetic import (
+    check_geodetic,
     checked_origin,
     dcm_ned_from_ecef,
     ecef_from_geodetic,
     geodetic_from_ecef,
     geodetic_from_ned,
     ned_from_geodetic,
+    warn_of_far_origin,
 )
 from nav_jax.recorded.gnss.raw import Asked, RawFixes, turned
 from nav_jax.recorded.gnss.record import GnssRecord
@@ -117,6 +119,8 @@ def _record(raw: RawFixes, clock: str | None, origin: Any, name: str) -> GnssRec
     time, counted = _time(raw, clock)
     center = None if origin is None else checked_origin(origin)
     position, turn, center = _local(raw, center)
+    if center is not None:
+        warn_of_far_origin(position, stacklevel=4)
     velocity = None if raw.velocity is None else _turn(turn, raw.velocity)
     return GnssRecord(
         time,
@@ -167,9 +171,7 @@ def _local(raw: RawFixes, center: np.ndarray | None) -> tuple[np.ndarray, np.nda
             return _local(_geodetic(raw, geodetic_from_ned(p, raw.origin), raw.origin), center)
         return p, np.broadcast_to(np.eye(3), (len(p), 3, 3)), center if raw.origin is None else raw.origin
     geodetic = geodetic_from_ecef(p) if raw.frame == "ecef" else p
-    if np.abs(geodetic[:, 0]).max(initial=0.0) > np.pi / 2:
-        worst = np.rad2deg(np.abs(p[:, 0]).max())
-        raise ValueError(f'Latitudes reach {worst:g} deg: angles="deg" or "rad" is wrong.')
+    check_geodetic(geodetic)
     about = geodetic[0] if center is None else center
     to_local = dcm_ned_from_ecef(about[0], about[1])
     if raw.frame == "ecef":  # not by way of latitude and longitude, which would cost a digit
