@@ -28,6 +28,8 @@ from nav_jax.plotting.comparison import plot_mean_errors as plot_mean_errors
 from nav_jax.plotting.comparison import plot_nis as plot_nis
 from nav_jax.plotting.inspection import inspection_data as inspection_data
 from nav_jax.plotting.inspection import plot_inspection as plot_inspection
+from nav_jax.plotting.levels import plot_two_level as plot_two_level
+from nav_jax.plotting.levels import two_level_data as two_level_data
 from nav_jax.plotting.lincov import analysis_data as analysis_data
 from nav_jax.plotting.lincov import budget_data as budget_data
 from nav_jax.plotting.lincov import calibration_data as calibration_data

@@ -155,7 +155,7 @@ def test_files_know_these_classes():
             "GnssPosition", "GnssVelocity", "GravityDisturbance", "ImuErrors", "ImuSpecification",
             "InitialUncertainty", "Magnetometer", "Misalignment", "Navigation", "NonHolonomic", "Odometer",
             "OutageStudy", "Output", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
-            "Sensitivities", "Track", "Trajectory", "Tuning", "VibrationNoise", "Wgs84", "Withheld", "ZeroRate",
-            "ZeroVelocity",
+            "Sensitivities", "Track", "Trajectory", "Tuning", "TwoLevel", "VibrationNoise", "Wgs84", "Withheld",
+            "ZeroRate", "ZeroVelocity",
         )
     ]  # fmt: skip
