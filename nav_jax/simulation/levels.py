@@ -27,6 +27,8 @@ from nav_jax.statistics.levels import TwoLevelMean, num_dear, two_level_mean
 
 _PILOT = 64
 """Runs with their own gains from which the number of them is chosen."""
+_JUDGED = ("position", "nees")
+"""By which that number is chosen: what is printed."""
 _WORTH = 0.5
 """Share of runs with their own gains from which on all of them have their own."""
 
@@ -173,8 +175,8 @@ def two_level(
     Gains that are computed once along the reference are exact to first order in the errors, so that a run on them and
     the same run on its own gains err alike. The mean of many of the first, plus the mean difference of a few, is the
     mean of the second without bias (Giles 2015). How many differences it takes follows from a pilot of 64: at the epoch
-    at which filters are judged, and there for all filters and statistics, the variance is at most 1 + excess times that
-    of `num_runs` runs with their own gains. Where that would take half of the runs or more, all have their own.
+    at which filters are judged, and there for position and NEES of all filters, the variance is at most 1 + excess times
+    that of `num_runs` runs with their own gains. Where that would take half of the runs or more, all have their own.
 
     Parameters
     ----------
@@ -222,11 +224,11 @@ def _num_runs(of: Comparison) -> int:
 
 
 def _num_own(pilot: TwoLevel, num_runs: int) -> int:
-    """By the worst of all filters and statistics; all runs where the pilot cannot tell."""
+    """By the worst of all filters; all runs where the pilot cannot tell."""
     if len(pilot._rows()[1]) < 2:
         return num_runs
     k = pilot.shared.epoch()
-    ratios = np.array([pilot.mean(model, of).ratio[k] for model in pilot.shared for of in STATISTICS])
+    ratios = np.array([pilot.mean(model, of).ratio[k] for model in pilot.shared for of in _JUDGED])
     worst = float(np.nanmax(ratios, initial=0.0))
     wanted = num_dear(worst, num_runs, pilot.excess)
     return num_runs if wanted > _WORTH * num_runs else wanted
