@@ -64,9 +64,9 @@ class Constants(NamedTuple):
     at: tuple[int, ...]
 
 
-def constants_of(errors: ImuErrors, num: int) -> list[Array]:
+def constants_of(errors: ImuErrors, num: int) -> list[Any]:
     """Arrays of positive numbers besides those of noise and turn-on biases: of so many errors that are no noise."""
-    # by number, and not those that there are: inside of `tree_at` a tuple that is empty is a leaf
+    # inside of `tree_at` arrays are wrapped, and an empty tuple is a leaf: by number, and not those that there are
     of_imu = [errors.deterministic[i].sd for i in range(num)]
     return of_imu if errors.gravity is None else [*of_imu, errors.gravity.sd, errors.gravity.distance]
 

@@ -99,9 +99,9 @@ class ImuErrors(eqx.Module):
         accel_bias_sd: Any = 0.0,
         gyro_bias_sd: Any = 0.0,
         deterministic: Sequence[Any] = (),
-        gravity: GravityDisturbance | None = None,
+        gravity: Any = None,
         start: str = "stationary",
-        output: Output | None = None,
+        output: Any = None,
     ):
         given = [*_per_axis("accel", accel), *_per_axis("gyro", gyro)]
         rates = {float(r) for r in (getattr(m, "rate", None) for m in given) if r is not None}

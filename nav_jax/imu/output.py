@@ -137,7 +137,7 @@ class Output(eqx.Module):
             left = None if left is None else jax.lax.stop_gradient(jnp.where(step > 0, whole - x, 0.0))
         return Memory(first, second, left), x
 
-    def rounding(self, rate: Real) -> Float[Array, " ch"]:
+    def rounding(self, rate: Real) -> Float[Array, " ch"] | Float[np.ndarray, " ch"]:
         """Variance of one rounding, as a rate, of each channel."""
         (step,) = known(self.step)
         return (step * (rate if self.increments else 1.0)) ** 2 / 12

@@ -405,11 +405,11 @@ def _ladder(low: float, high: float, num: int) -> tuple[tuple[float, float], ...
 
 
 def _texts(sensor: str, name: str, given: Any) -> tuple[str, ...]:
-    """One text for each axis."""
+    """One text for each axis; a bare number has no unit, which its reader says."""
     several = tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else (given,) * 3
     if len(several) != 3:
         raise ValueError(f"{sensor} {name}: one text or three (x, y, z) are wanted, and these are {len(several)}.")
-    return several
+    return tuple(map(str, several))
 
 
 def _text(value: float, sensor: str, entry: str) -> str:

@@ -199,7 +199,7 @@ def test_a_specification_is_saved(tmp_path):
         (lambda: sheet({"turn_on_bias": "-3 deg/s"}), "cannot be read: a positive number with its unit"),
         (lambda: sheet({"turn_on_bias": "0 deg/s"}), "is not positive: leave out"),
         (lambda: sheet({"turn_on_bias": "nan deg/s"}), "cannot be read"),
-        (lambda: sheet({"turn_on_bias": 3.0}), "cannot be read"),
+        (lambda: sheet({"turn_on_bias": 3.0}), "has no unit"),
         (lambda: sheet({"turn_on_bias": "3"}), "has no unit"),
         (lambda: sheet({"turn_on_bias": "3 deg/year"}), "gyro turn_on_bias = '3 deg/year': Unknown unit"),
         (lambda: sheet({"turn_on_bias": "3 deg/s, about"}), "a number is 1 sigma, typ, .* and not 'about'"),
