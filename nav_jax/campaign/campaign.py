@@ -529,7 +529,7 @@ class Campaign:
         return Store(self._path, self._specification, layouts, self._num_chunks)
 
 
-def _statistics(template: Runs, totals: Mapping[str, np.ndarray]) -> Statistics:
+def _statistics(template: Runs, totals: Mapping[str, Any]) -> Statistics:
     """Of one filter, from sums over all its good runs."""
     num = int(totals["num_good"])
     if not num:

@@ -506,7 +506,7 @@ def navigate(
             refused[name] = ~np.asarray(outcome.passed)[segments[given], i, 0]
             warn_of_rows(name, fixes.time[given], refused[name])
         else:
-            warn_of_innovations(name, (innovation**2 / variance)[segments[given], a:b].sum(axis=1), b - a)
+            warn_of_innovations(name, (innovation**2 / variance)[segments[given], a:b].sum(axis=1), int(b - a))
         if not given.all() and outcome.comparison is not None:
             at = segments[~given]
             residual, C = (np.asarray(x)[..., 0] for x in outcome.comparison)
