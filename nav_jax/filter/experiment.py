@@ -192,9 +192,14 @@ def prepare(scenario: Scenario, *, rate: Real) -> Experiment:
 
 def path_of(reference: Trajectory, imu: Imu) -> Path:
     """The way over the samples of an IMU."""
-    q, v = (as_float(a[:-1].T) for a in (reference.quaternion, reference.velocity))
-    half = quat_multiply(q, quat_from_rotvec(as_float(imu.gyro.T) / (2 * imu.rate)))
-    return Path(travelled(v, jnp.asarray(1 / imu.rate)), half.T)
+    return _path(reference.quaternion[:-1].T, reference.velocity[:-1].T, imu.gyro.T, np.asarray(1 / imu.rate))
+
+
+@bounded
+@compiled_quickly()
+def _path(q: Array, v: Array, gyro: Array, dt: Array) -> Path:
+    """As one program."""
+    return Path(travelled(v, dt), quat_multiply(q, quat_from_rotvec(gyro * dt / 2)).T)
 
 
 def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], earth: AbstractEarth) -> Truth:

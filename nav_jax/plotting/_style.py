@@ -19,6 +19,8 @@ INK = "0.25"
 DEGREES = 180 / np.pi
 TIME = Axis("time", "s")
 _OUTAGE = "#f3e3c3"
+_ONE_VALUE = 1 + 1e-9
+"""Values on a logarithmic axis that differ by less have no width of their own."""
 _MANY = 500
 """Of a logarithmic axis that spans more, only powers of ten have room for a number."""
 
@@ -67,7 +69,10 @@ def grid(ax: Axes) -> None:
 
 
 def logarithmic(ax: Axes, which: Literal["x", "y"] = "y") -> None:
-    """With ticks that read as numbers, also where the axis has no power of ten on it."""
+    """With ticks that read as numbers, also where the axis has no power of ten on it, or but one value."""
+    first, last = ax.dataLim.intervaly if which == "y" else ax.dataLim.intervalx
+    if 0 < first <= last < first * _ONE_VALUE:
+        ax.set(**{f"{which}lim": (first / 1.1, last * 1.1)})
     ax.set(**{f"{which}scale": "log"})
     low, high = ax.get_ylim() if which == "y" else ax.get_xlim()
     axis = ax.yaxis if which == "y" else ax.xaxis

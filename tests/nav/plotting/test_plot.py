@@ -22,6 +22,7 @@ from nav_jax.plotting import (
     plot_sensor_states,
     plot_trajectory,
 )
+from nav_jax.plotting._style import logarithmic
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.statistics.energy import energy_score
 
@@ -372,3 +373,13 @@ def test_given_axes_are_used(reference, comparison):
         assert figure.get_suptitle() == ""
         with pytest.raises(ValueError, match=f"has {axes.size} frames and draws into as many Axes; axes= has 7"):
             plot(result, axes=Figure().subplots(1, 7))
+
+
+def test_a_logarithmic_axis_of_one_value_to_rounding():
+    """Matplotlib warns of an axis without a width: designs that converge to what they began with have one."""
+    ax = Figure().subplots()
+    ax.plot([1, 2], [1.75, np.nextafter(1.75, 2.0)])
+    logarithmic(ax)
+    low, high = ax.get_ylim()
+    assert low < 1.75 / 1.05
+    assert high > 1.75 * 1.05
