@@ -62,7 +62,7 @@ _TOUCHES = 1e-8
 _CLOSE = 1e-5
 """Standard errors from the mode at which a search has converged."""
 _ONE = 1e-9
-"""1 - correlation^2 of parameters that are one."""
+"""1 - correlation^2 of parameters that are one; part of a parameter's way that is none."""
 _MAX_EXCHANGES = 30
 """Of what is taken to be at a bound."""
 
@@ -608,8 +608,14 @@ def _distance(density: LogDensity, z: Array, held: Bool[Array, " E"]) -> Float[A
 
 @jax.jit
 def _covariance(density: LogDensity, z: Array, held: Bool[Array, " E"]) -> Float[Array, "E E"]:
-    """N P (P J'J P)^-1 P N' with J the derivative of all residuals by z, what is held apart."""
-    return density.basis @ _inner(density, z, held) @ density.basis.T
+    """N P (P J'J P)^-1 P N' with J the derivative of all residuals by z, what is held apart.
+
+    What then cannot move has no variance, of which rounding would leave a little of either sign.
+    """
+    P, _ = _projector(density, held)
+    moves = jnp.linalg.norm(density.basis @ P, axis=1) > _ONE * jnp.linalg.norm(density.basis, axis=1)
+    basis = jnp.where(moves[:, None], density.basis, 0.0)
+    return basis @ _inner(density, z, held) @ basis.T
 
 
 def _inner(density: LogDensity, z: Array, held: Bool[Array, " E"]) -> Float[Array, "Z Z"]:
