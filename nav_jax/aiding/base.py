@@ -178,9 +178,8 @@ class AbstractAiding(eqx.Module):
         """
         return None
 
-    @abc.abstractmethod
     def columns(self, *, geodetic: bool) -> Sequence[str]:
-        """The quantities that files hold of it besides time, see `nav_jax.trajectory.columns`.
+        """The quantities that files hold of it besides time, see `nav_jax.trajectory.columns`; none unless it says so.
 
         Parameters
         ----------
@@ -190,8 +189,9 @@ class AbstractAiding(eqx.Module):
         Raises
         ------
         ValueError
-            An origin means nothing to it.
+            No file holds it, or an origin means nothing to it.
         """
+        raise ValueError(f"No column of a file is known to be of {self.name}: make nj.Fixes of its arrays.")
 
     def measured(self, values: Float[np.ndarray, "F C"], origin: Float[np.ndarray, "3"] | None) -> np.ndarray:
         """What it has measured, from those columns in SI."""

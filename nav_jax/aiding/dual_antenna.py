@@ -108,9 +108,6 @@ class DualAntenna(AbstractAiding):
         way = jnp.broadcast_to(self.baseline[:, None], state.v.shape)
         return rotate(state.q, way + state.x if self.offset else way)
 
-    def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
-        raise ValueError(f"No column of a file is known to be of {self.name}: make nj.Fixes of its arrays.")
-
 
 class _State(NamedTuple):
     horizontal: NoiseModel

@@ -103,9 +103,6 @@ class Magnetometer(AbstractAiding):
         seen = rotate_back(state.q, jnp.broadcast_to(self.field[:, None], state.v.shape))
         return seen + state.x if self.iron else seen
 
-    def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
-        raise ValueError(f"No column of a file is known to be of {self.name}: make nj.Fixes of its arrays.")
-
 
 class _State(NamedTuple):
     sd: NoiseModel

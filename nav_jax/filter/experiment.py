@@ -41,7 +41,6 @@ from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.kinematics.linalg import factor
 from nav_jax.kinematics.reference import ReferenceMotion
-from nav_jax.kinematics.rotation import quat_from_rotvec, quat_multiply
 from nav_jax.kinematics.state import NavState
 from nav_jax.trajectory.trajectory import Trajectory
 
@@ -62,8 +61,6 @@ class Experiment(eqx.Module):
     """The reference at any time."""
     fixes: tuple[Int[Array, "2 _"], ...]
     """Of each sensor: the fixes that are used, by number of the fix and of the segment that ends there."""
-    path: Path
-    """Of the truth over all samples."""
     num_samples: int = eqx.field(static=True)
     num_fixes: tuple[int, ...] = eqx.field(static=True)
 
@@ -142,7 +139,6 @@ class Setup:
             as_float(schedule.time),
             _track(reference),
             jax.device_put(tuple(fixes)),
-            path_of(reference, self.imu),
             len(self.imu),
             tuple(len(u) for u in used),
         )
@@ -190,16 +186,10 @@ def prepare(scenario: Scenario, *, rate: Real) -> Experiment:
     return Setup(scenario, rate).experiment
 
 
-def path_of(reference: Trajectory, imu: Imu) -> Path:
-    """The way over the samples of an IMU."""
-    return _path(reference.quaternion[:-1].T, reference.velocity[:-1].T, imu.gyro.T, np.asarray(1 / imu.rate))
-
-
-@bounded
-@compiled_quickly()
-def _path(q: Array, v: Array, gyro: Array, dt: Array) -> Path:
-    """As one program."""
-    return Path(travelled(v, dt), quat_multiply(q, quat_from_rotvec(gyro * dt / 2)).T)
+def _path(track: ReferenceMotion, num_samples: int) -> Path:
+    """The way over the samples of an IMU, of which the reference has one epoch more."""
+    middle = track.start + track.step * jnp.arange(0.5, num_samples)
+    return Path(travelled(track.v[:, :-1], track.step), track.at(middle[:, None]).q[..., 0].T)
 
 
 def truth_at(reference: Trajectory, imu: Imu, times: Float[np.ndarray, " E"], earth: AbstractEarth) -> Truth:
@@ -244,7 +234,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
     M, num_runs = timeline.pattern.shape[0], keys.shape[0]
     sensed = (timeline.imu, timeline.sensed)
     ends = timeline.ends[timeline.pattern]
-    errors = emulate(truth, keys, experiment.num_samples, ends, sensed, experiment.path)
+    errors = emulate(truth, keys, experiment.num_samples, ends, sensed, _path(experiment.track, experiment.num_samples))
     deviation = jax.vmap(lambda k: jax.random.normal(stream(k, "initial"), (NAVIGATION.size,)), out_axes=1)(keys)
     begin = jax.tree.map(lambda a: jnp.broadcast_to(a, (a.shape[0], num_runs)), experiment.start)
     begin = inject(begin, factor(experiment.initial.covariance) @ deviation)

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
 from gmwm_jax._internal.drawing import GivenAxes, registry
-from gmwm_jax._internal.figure_data import Axis, Frame, Item, Span
-from gmwm_jax._internal.figures import describe, frames, put
+from gmwm_jax._internal.figure_data import Axis, Frame, Item, Line, Span
+from gmwm_jax._internal.figures import describe, frames, put, put_in_turns
+from gmwm_jax._internal.palette import COLOURS
 
 draw = registry("nav_jax")
 """Draw a result by the function that has registered for its class: ``draw(result, **options)`` is `result.plot`."""
@@ -60,6 +61,17 @@ def shade(ax: Axes, frame: Frame) -> None:
 def without_outages(frame: Frame) -> list[Item]:
     """The items of a frame but for its outages."""
     return [item for item in frame.items if not (isinstance(item, Span) and item.of == "x")]
+
+
+def bands_and_lines(ax: Axes, frame: Frame) -> list[Item]:
+    """Draw a band and a line for each model in turns, of which none hides another; what was drawn."""
+    items = without_outages(frame)
+    num = len(items) // 2
+    for i, (band, line) in enumerate(zip(items[::2], items[1::2], strict=True)):
+        put(ax, band, color=COLOURS[i % len(COLOURS)], alpha=0.2)
+        assert isinstance(line, Line)
+        put_in_turns(ax, line, i, num)
+    return items
 
 
 def grid(ax: Axes) -> None:

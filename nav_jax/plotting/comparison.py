@@ -19,6 +19,7 @@ from gmwm_jax._internal.palette import COLOURS, marked
 from nav_jax.plotting._style import (
     DEGREES,
     TIME,
+    bands_and_lines,
     draw,
     grid,
     logarithmic,
@@ -447,12 +448,7 @@ def _mean_frame(
 
 def _draw_means(ax: Axes, frame: Frame) -> None:
     """Bands and lines of the models, of which none hides another."""
-    items = without_outages(frame)
-    num = len(items) // 2
-    for i, (band, line) in enumerate(zip(items[::2], items[1::2], strict=True)):
-        put(ax, band, color=COLOURS[i % len(COLOURS)], alpha=0.2)
-        assert isinstance(line, Line)
-        put_in_turns(ax, line, i, num)
+    items = bands_and_lines(ax, frame)
     if frame.y.scale == "log":
         means = np.concatenate([item.y[item.y > 0] for item in items if isinstance(item, Line)])
         if len(means):  # an interval may go down to zero

@@ -5,9 +5,8 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Band, Frame, Item, Line
-from gmwm_jax._internal.figures import describe, frames, legend_below, put, put_in_turns
-from gmwm_jax._internal.palette import COLOURS
-from nav_jax.plotting._style import TIME, draw, grid, logarithmic, outage_items, shade, without_outages
+from gmwm_jax._internal.figures import describe, frames, legend_below
+from nav_jax.plotting._style import TIME, bands_and_lines, draw, grid, logarithmic, outage_items, shade
 from nav_jax.simulation.levels import TwoLevel
 
 
@@ -67,11 +66,7 @@ def plot_two_level(found: TwoLevel, *, level: float = 0.95, axes: GivenAxes | No
     """
     figure, drawn = frames(axes, 1, 2, (10.5, 4.8), sharex=True)
     for ax, frame in zip(drawn, two_level_data(found, level=level), strict=True):
-        items = without_outages(frame)
-        for i, (band, line) in enumerate(zip(items[::2], items[1::2], strict=True)):
-            put(ax, band, color=COLOURS[i % len(COLOURS)], alpha=0.2)
-            assert isinstance(line, Line)
-            put_in_turns(ax, line, i, len(items) // 2)
+        items = bands_and_lines(ax, frame)
         if frame.y.scale == "log":
             ax.set_ylim(bottom=min(float(np.min(x.y[x.y > 0])) for x in items if isinstance(x, Line)) / 1.5)
             logarithmic(ax)

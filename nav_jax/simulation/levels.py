@@ -175,9 +175,9 @@ def two_level(
     Gains that are computed once along the reference are exact to first order in the errors, so that a run on them and
     the same run on its own gains err alike. The mean of many of the first, plus the mean difference of a few, is the
     mean of the second without bias (Giles 2015). How many differences it takes follows from a pilot of 64: at the epoch
-    at which filters are judged, and there for position and NEES of all filters, the variance is at most 1 + excess
-    times that of `num_runs` runs with their own gains. Where that would take half of the runs or more, all have their
-    own.
+    at which filters are judged, and there for position and NEES of all filters, the variance should be at most 1 +
+    excess times that of `num_runs` runs with their own gains, as far as the pilot can tell. Where that would take half
+    of the runs or more, all have their own.
 
     Parameters
     ----------

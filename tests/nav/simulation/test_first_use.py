@@ -52,11 +52,11 @@ count(nj.filter.prepare, scenario(3.0), rate=5.0)
 
 MOST = {
     "the motion, and the standard deviation of white noise": 3,
-    "perfect sensors, truth at the events, the way over the samples, gravity": 4,
+    "perfect sensors, truth at the events, gravity": 3,
     "another rate, for each sensor of the IMU": 2,
     "the states": 1,
     "keys, inputs and the filter": 3,
-    "perfect sensors, truth and way of another length": 3,
+    "perfect sensors and truth of another length": 2,
 }
 """Programs of each line of the program above: what it should compile, and nothing that is one operation."""
 
