@@ -58,8 +58,9 @@ nav-jax design comparison.toml --max-accel 1 --max-gyro 1 --confirm 1000 --out r
 rest, gravity, tilt, the course at the start, and by how much clocks are apart. A recorded drive is navigated by
 `nav-jax navigate drive.toml --out results --save drive.npz --export track.kml` (all of it for `nav_jax.load`; the
 track as .kml, .gpx, .csv or .npz), and the noise parameters that make its innovations most likely are sought by
-`nav-jax tune drive.toml --out results`. How far off it is after 15 s without fixes, simulated every minute, says
-`nav-jax outages drive.toml --last 15 --every 60`:
+`nav-jax tune drive.toml --out results`. Whether the noise of the sensors at rest holds in motion says
+`nav-jax vibration drive.toml`, with the lines for [run] where it does not. How far off it is after 15 s without fixes,
+simulated every minute, says `nav-jax outages drive.toml --last 15 --every 60`:
 
 ```toml
 [record]

@@ -1,6 +1,7 @@
-"""The command line: ``nav-jax run | compare | campaign | budget | design | inspect | navigate | tune | app | demo``.
+"""The command line ``nav-jax``: simulations, recorded drives, and the page.
 
-A leaf: a configuration in, tables and files out.
+``run | compare | campaign | budget | design | demo`` simulate, ``inspect | align | navigate | outages | tune |
+vibration`` are of recorded drives, and ``app`` is the page. A leaf: a configuration in, tables and files out.
 """
 
 import contextlib
@@ -62,6 +63,7 @@ _STEMS = {
     "budget": "budget",
     "design": "design",
     "tune": "tuning",
+    "vibration": "vibration",
     "navigate": "navigation",
     "outages": "outages",
     "inspect": "inspection",
@@ -399,6 +401,27 @@ def tune(
     asked = {"tune_aiding": tune_aiding, "hold": hold or (), "prior": prior, "max_steps": max_steps}
     found = known.tune(name, **asked, progress=True)
     _give(tuning_report(found), json_file, folder, plot=plot)
+
+
+@_command
+def vibration(
+    config: Record,
+    filter_name: Filter = None,
+    window: Annotated[float, typer.Option(min=0.0, help="s, over which variances of the samples are taken.")] = 0.25,
+    out: Out = None,
+    json_file: Json = None,
+    plot: Plot = None,
+) -> None:
+    """Test whether the noise at rest holds in motion, axis by axis, and find what vibration adds to it."""
+    from nav_jax.app.record_file import read_record
+    from nav_jax.app.reports import vibration_report
+
+    known = read_record(config)
+    name = _chosen(known.filters, filter_name)
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    _say(f"Factors of vibration beside {name} ...")
+    found = known.noise_in_motion(name, window=window, progress=True)
+    _give(vibration_report(name, found), json_file, folder, plot=plot)
 
 
 @_command

@@ -49,6 +49,7 @@ from nav_jax.recorded.gnss.reading import read_gnss
 from nav_jax.recorded.gnss.record import GnssRecord
 from nav_jax.recorded.gnss.registry import FORMATS
 from nav_jax.recorded.inspection import Inspection, inspect_record
+from nav_jax.recorded.motion_noise import NoiseInMotion, noise_in_motion
 from nav_jax.recorded.navigation import Navigation, navigate
 from nav_jax.recorded.outages import Intervals
 from nav_jax.recorded.study import OutageStudy, outage_study
@@ -71,6 +72,7 @@ _OF_SAMPLES = ("gaps", "samples", "stamps")
 
 Columns = dict[str, int | str]
 Factor = Annotated[float, Field(ge=0)]
+Axes = Annotated[list[Factor], Field(min_length=3, max_length=3)]
 Probability = Annotated[float, Field(ge=0.5, lt=1)]
 Three = Field(strict=False)
 
@@ -239,14 +241,14 @@ class ReferenceSection(Section):
 class RecordRunSection(OfEarth):
     """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes all but `every`.
 
-    ``vibration = 0.1``, or ``{accel = 0.1, gyro = 0.05}``: factors of `nav_jax.imu.VibrationNoise`.
+    ``vibration = 0.1``, or ``{accel = 0.1, gyro = [0.05, 0.05, 0.1]}``: factors of `nav_jax.imu.VibrationNoise`.
     ``gate = 0.999``, or ``{gnss = 0.999}``: the probability with which a good fix passes.
     """
 
     every: Annotated[int, Field(ge=1)] = EVERY
     output_interval: Time = OUTPUT_INTERVAL
     smooth: bool = False
-    vibration: Factor | dict[Literal["gyro", "accel"], Factor] | None = None
+    vibration: Factor | dict[Literal["gyro", "accel"], Factor | Axes] | None = None
     gate: Probability | dict[str, Probability] | None = None
 
 
@@ -304,6 +306,10 @@ class RecordConfig:
         """Navigate by a filter of this name."""
         options = {"output_interval": self.run.output_interval, "smooth": self.run.smooth, "reference": self.reference}
         return navigate(self.imu, self.aiding, self.filters[name], **self._start(), **self._noticed(), **options)
+
+    def noise_in_motion(self, name: str, **options: Any) -> NoiseInMotion:
+        """Test the noise model of a filter of this name; options as of `nav_jax.recorded.noise_in_motion`."""
+        return noise_in_motion(self.imu, self.aiding, self.filters[name], **self._start(), **options)
 
     def outages(self, name: str, schedules: Sequence[Intervals], **options: Any) -> OutageStudy:
         """Study outages with a filter of this name; options as of `nav_jax.recorded.outage_study`."""

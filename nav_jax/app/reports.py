@@ -31,6 +31,7 @@ from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_st
 from nav_jax.plotting.trajectory import plot_trajectory
 from nav_jax.recorded.at_rest import StartAtRest
 from nav_jax.recorded.inspection import Inspection
+from nav_jax.recorded.motion_noise import NoiseInMotion
 from nav_jax.recorded.navigation import Navigation
 from nav_jax.recorded.on_the_move import StartOnTheMove
 from nav_jax.recorded.study import OutageStudy
@@ -52,7 +53,7 @@ class Report(NamedTuple):
     figures: Mapping[str, Callable[[], Figure]]
     """File name -> how to draw it."""
     section: str | None = None
-    """A filter, as text of a configuration."""
+    """A filter, or another part of a configuration, as its text."""
 
     @property
     def json(self) -> str:
@@ -198,6 +199,21 @@ def tuning_report(tuning: Tuning) -> Report:
         "filter": keys_of(tuning.errors),
     }
     return Report("tuning", f"{tuning!r}\n\n{section}", content, {"tuning.png": tuning.plot}, section)
+
+
+def vibration_report(name: str, found: NoiseInMotion) -> Report:
+    """Whether noise at rest holds in motion, and the factors that a configuration takes."""
+    columns = ("factor", "ci_low", "ci_high", "ratio", "p")
+    rows = zip(CHANNELS, *(getattr(found, c).tolist() for c in columns), strict=True)
+    names = ("ratio_of_all", "p_of_all", "window", "num_innovations", "level", "converged")
+    content = {
+        "filter": name,
+        **{key: getattr(found, key) for key in names},
+        "axes": [dict(zip(("name", *columns), row, strict=True)) for row in rows],
+    }
+    accel, gyro = ([float(f"{x:.3g}") for x in of] for of in found.factor.reshape(2, 3))
+    section = f"[run]\nvibration = {{ accel = {accel}, gyro = {gyro} }}\n"
+    return Report("vibration", f"{name}: {found!r}\n\n{section}", content, {"vibration.png": found.plot}, section)
 
 
 def outages_report(name: str, study: OutageStudy, notes: Sequence[str]) -> Report:

@@ -81,7 +81,7 @@ def run_estimate(
         state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth, pull)
         now = jax.tree.map(lambda a: a[kind], kinds)
         if shaken is not None:
-            now = eqx.tree_at(lambda n: n.integrated, now, now.integrated + shaken[:, None])
+            now = eqx.tree_at(lambda n: n.integrated, now, now.integrated + shaken)
         Phi = None if Phi is None else transition(Phi, motion, now)
         P = propagate(P, motion, now)
         kept = _estimate(state, bank, claim(P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None

@@ -50,7 +50,7 @@ class Timeline(eqx.Module):
     it is the same at all."""
     means: Float[Array, "M W ch"] | None = None
     """Of perfect samples about the end of each segment, in the windows of all sensors; None if there are none."""
-    shaken: Float[Array, "M G ch"] | None = None
+    shaken: Float[Array, "M G ch #R"] | None = None
     """Variance of further white noise in the integral of each channel over each step; None for none."""
     gates: Float[Array, " S"] | None = None
     """Of each sensor, the normalised innovation squared beyond which its fixes are refused; None where all are taken.
@@ -183,7 +183,8 @@ def timeline_of(
     added = None
     if shaken is not None:
         lengths = schedule.dt[schedule.pattern]
-        added = as_float(np.einsum("mgn,mgnc->mgc", lengths, shaken[samples].reshape(M, G, -1, len(CHANNELS))))
+        densities = shaken[samples].reshape(M, G, -1, len(CHANNELS))
+        added = as_float(np.einsum("mgn,mgnc->mgc", lengths, densities)[..., None])
     return Timeline(
         imu=as_float(both[samples].reshape(M, G, -1, len(CHANNELS))),
         pattern=jax.device_put(schedule.pattern),

@@ -9,6 +9,7 @@ with the density q_0 of the model and a factor kappa without a unit, of 0.01 to 
 noise would be kappa = 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ class VibrationNoise:
     Attributes
     ----------
     accel, gyro
-        kappa of each sensor; 0 for none.
+        kappa of each sensor, or of its axes x, y, z; 0 for none.
     window
         s, over which variances are taken, about each sample.
 
@@ -45,18 +46,25 @@ class VibrationNoise:
     (40, 6)
     """
 
-    accel: Real = 0.1
-    gyro: Real = 0.1
+    accel: Real | Sequence[Real] = 0.1
+    gyro: Real | Sequence[Real] = 0.1
     window: Real = 0.25
 
     def __post_init__(self) -> None:
         for name in ("accel", "gyro"):
-            object.__setattr__(self, name, number(f"VibrationNoise: {name}", getattr(self, name), zero_ok=True))
+            given, label = getattr(self, name), f"VibrationNoise: {name}"
+            axes = np.ravel(given)
+            if np.ndim(given) and np.shape(given) != (3,):
+                raise ValueError(
+                    f"{label} is one factor or three, of the axes x, y, z; this has shape {np.shape(given)}."
+                )
+            factors = tuple(number(label, x, zero_ok=True) for x in axes)
+            object.__setattr__(self, name, factors if np.ndim(given) else factors[0])
         object.__setattr__(self, "window", number("VibrationNoise: window", self.window))
 
     def densities(self, imu: Imu) -> Float64[np.ndarray, "N ch"]:
         """Return the density of this noise at each sample, (m/s^2)^2/Hz and (rad/s)^2/Hz, channels x, y, z each."""
-        factor = np.repeat([self.accel, self.gyro], len(CHANNELS) // 2)
+        factor = np.concatenate([np.broadcast_to(of, len(CHANNELS) // 2) for of in (self.accel, self.gyro)])
         samples = np.concatenate([imu.accel, imu.gyro], axis=1)
         return factor * running_variance(samples, round(self.window * imu.rate)) / imu.rate
 

@@ -48,7 +48,9 @@ from nav_jax.plotting.navigation import plot_sensor_estimates as plot_sensor_est
 from nav_jax.plotting.navigation import plot_withheld as plot_withheld
 from nav_jax.plotting.navigation import sensor_estimates_data as sensor_estimates_data
 from nav_jax.plotting.navigation import withheld_data as withheld_data
+from nav_jax.plotting.recorded import noise_in_motion_data as noise_in_motion_data
 from nav_jax.plotting.recorded import outages_data as outages_data
+from nav_jax.plotting.recorded import plot_noise_in_motion as plot_noise_in_motion
 from nav_jax.plotting.recorded import plot_outages as plot_outages
 from nav_jax.plotting.recorded import plot_tuning as plot_tuning
 from nav_jax.plotting.recorded import tuning_data as tuning_data

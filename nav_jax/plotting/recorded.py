@@ -7,7 +7,9 @@ from gmwm_jax._internal.drawing import GivenAxes
 from gmwm_jax._internal.figure_data import Axis, Bars, Frame, Item, Mark, Points
 from gmwm_jax._internal.figures import describe, frames, legend_below, put
 from gmwm_jax._internal.palette import COLOURS
+from nav_jax.imu.channels import CHANNELS
 from nav_jax.plotting._style import INK, draw, grid, logarithmic, positive
+from nav_jax.recorded.motion_noise import NoiseInMotion
 from nav_jax.recorded.study import OutageStudy
 from nav_jax.recorded.tuning import Tuning
 
@@ -168,3 +170,63 @@ def plot_outages(study: OutageStudy, *, axes: GivenAxes | None = None) -> Figure
     grid(ax)
     legend_below(figure, [ax], alone=axes is None)
     return figure
+
+
+def noise_in_motion_data(found: NoiseInMotion) -> tuple[Frame]:
+    """Return what `plot_noise_in_motion` shows: the factor of each axis with its interval.
+
+    Parameters
+    ----------
+    found
+        Of `nav_jax.recorded.noise_in_motion`.
+
+    Examples
+    --------
+    >>> factor = np.array([0.1, 0.2, 0.1, 0.0, 0.3, 0.1])
+    >>> low, high, ratio = factor / 2, 2 * factor + 0.1, 40 * factor
+    >>> found = nj.recorded.NoiseInMotion(factor, low, high, ratio, 120.0, 0.25, 600, True, 0.95)
+    >>> nj.plotting.noise_in_motion_data(found)[0].x.names[3]
+    'gyro x'
+    """
+    k = np.arange(len(CHANNELS), dtype=float)
+    high = np.where(np.isfinite(found.ci_high), found.ci_high, 1.3 * _highest(found))
+    bars = Bars(f"{100 * found.level:g} % interval", k, found.factor, found.ci_low, high)
+    title = f"2 log likelihood ratio {found.ratio_of_all:.3g}, p {found.p_of_all:.2g}"
+    items = (Mark("as at rest", 0.0, "y"), bars)
+    return (Frame(title, Axis("", "", names=CHANNELS), Axis("noise per variance of the samples", "1"), items),)
+
+
+@draw.register(NoiseInMotion)
+def plot_noise_in_motion(found: NoiseInMotion, *, axes: GivenAxes | None = None) -> Figure:
+    """Plot how much of the vibration of a record is white noise of each axis; zero is the model of a sensor at rest.
+
+    Parameters
+    ----------
+    found
+        Of `nav_jax.recorded.noise_in_motion`.
+    axes
+        The Axes to draw into; a new figure if left out.
+
+    Examples
+    --------
+    >>> factor = np.array([0.1, 0.2, 0.1, 0.0, 0.3, 0.1])
+    >>> low, high, ratio = factor / 2, 2 * factor + 0.1, 40 * factor
+    >>> found = nj.recorded.NoiseInMotion(factor, low, high, ratio, 120.0, 0.25, 600, True, 0.95)
+    >>> nj.plotting.plot_noise_in_motion(found).savefig("vibration.png")
+    """
+    (frame,) = noise_in_motion_data(found)
+    figure, (ax,) = frames(axes, 1, 1, (7.0, 4.2))
+    at_rest, bars = frame.items
+    put(ax, at_rest, color=INK, lw=1.0, ls=":")
+    put(ax, bars, color=COLOURS[0], fmt="o", capsize=4, lw=1.6)
+    describe(ax, frame)
+    ax.set(xticks=range(len(CHANNELS)), xticklabels=CHANNELS, ylim=(-0.05 * _highest(found), 1.1 * _highest(found)))
+    grid(ax)
+    legend_below(figure, [ax], alone=axes is None)
+    return figure
+
+
+def _highest(found: NoiseInMotion) -> float:
+    """Of what is finite."""
+    finite = found.ci_high[np.isfinite(found.ci_high)]
+    return float(max([0.01, *found.factor, *finite]))

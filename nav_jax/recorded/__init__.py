@@ -49,6 +49,9 @@ print(study)
 
 Where nothing is known of the attitude, `align_at_rest` and `align_on_the_move` find it with its covariance.
 
+Does the noise at rest hold in motion? `noise_in_motion` tests it by the likelihood of the innovations, axis by axis, and gives
+the factors for ``vibration``, with intervals.
+
 `stops` finds where the vehicle stands, `standing` makes the updates by zero velocity and zero rate for it, and `nj.Gnss` with
 ``averaged`` and ``time_offset_sd`` knows receivers whose velocities are old and whose clocks are off.
 """  # noqa: E501
@@ -69,6 +72,8 @@ from nav_jax.recorded.gnss.record import GnssRecord as GnssRecord
 from nav_jax.recorded.inspection import Inspection as Inspection
 from nav_jax.recorded.inspection import inspect_record as inspect_record
 from nav_jax.recorded.likelihood import innovation_loss as innovation_loss
+from nav_jax.recorded.motion_noise import NoiseInMotion as NoiseInMotion
+from nav_jax.recorded.motion_noise import noise_in_motion as noise_in_motion
 from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate
 from nav_jax.recorded.on_the_move import StartOnTheMove as StartOnTheMove

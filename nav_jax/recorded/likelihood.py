@@ -114,6 +114,13 @@ def loss_and_slopes(record: Record, model: Model, vector: Float[Array, " P"]) ->
         return (nu.ravel(), s.ravel()), (nu.ravel(), s.ravel())
 
     (d_nu, d_s), (nu, s) = jax.jacfwd(both, has_aux=True)(vector)
+    return slopes_of(nu, s, d_nu, d_s)
+
+
+def slopes_of(
+    nu: Float[Array, " F"], s: Float[Array, " F"], d_nu: Float[Array, "F P"], d_s: Float[Array, "F P"]
+) -> Slopes:
+    """The loss of innovations with these variances, from the derivatives of both; see `loss_and_slopes`."""
     w, d_w, d_log_s = nu / jnp.sqrt(s), d_nu / jnp.sqrt(s)[:, None], d_s / s[:, None]
     gradient = w @ d_w + (1 - w**2) @ d_log_s / 2
     return Slopes(jnp.sum(w**2 + jnp.log(s)) / 2, gradient, d_w.T @ d_w + d_log_s.T @ d_log_s / 2)

@@ -361,7 +361,8 @@ def run_record(
 ) -> Outcome:
     """Run the filter over a prepared record."""
     bank = joined(filter.bank(), timeline.own)
-    inputs = inputs._replace(start=inputs.start._replace(x=jnp.zeros((len(bank.states), 1))))
+    x = jnp.zeros((len(bank.states), inputs.start.p.shape[1]))
+    inputs = inputs._replace(start=inputs.start._replace(x=x))
     P = start_covariance(initial, bank)
     outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth, predict=predict)
     return smoothed(timeline, bank, sensors, outcome) if smooth else outcome

@@ -11,7 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from nav.synthetic import make_runs
-from nav.synthetic_analysis import make_analysis, make_budget, make_design, make_sensitivities, make_tuning
+from nav.synthetic_analysis import (
+    make_analysis,
+    make_budget,
+    make_design,
+    make_noise_in_motion,
+    make_sensitivities,
+    make_tuning,
+)
 from typer.testing import CliRunner
 
 import nav_jax as nj
@@ -301,6 +308,30 @@ def test_tune_reads_the_record_and_starts_from_the_filter(record, tmp_path, monk
     assert not any(p["lost"] for p in content["parameters"])
     assert content["aiding"] == {"gnss_position": {"n": 1.0, "e": 1.0, "d": 2.0}}
     assert content["filter"] == tomllib.loads(files["tuning.toml"].decode())["filters"]["tuned"]
+
+
+def test_vibration_reads_the_record_and_gives_the_lines_for_it(record, tmp_path, monkeypatch):
+    seen = []
+    found = make_noise_in_motion()
+    monkeypatch.setattr(config_record, "noise_in_motion", lambda *given, **named: seen.append((given, named)) or found)
+    stdout = call("vibration", record, "--filter", "other", "--window", 0.5, "--out", tmp_path / "out").stdout
+    (((imu, aiding, errors), named),) = seen
+    assert (imu.rate, len(aiding)) == (pytest.approx(20.0), 2)
+    assert "0.001" in repr(errors)
+    assert {k: named[k] for k in ("window", "every")} == {"window": 0.5, "every": 5}
+    assert stdout.startswith(f"other: {found!r}")
+    files = {p.name: p.read_bytes() for p in (tmp_path / "out").iterdir()}
+    assert set(files) == {"vibration.txt", "vibration.json", "vibration.toml", "vibration.png"}
+    content = json.loads(files["vibration.json"])
+    assert content["axes"][5] == {"name": "gyro z", "factor": 0.1, "ci_low": 0.05, "ci_high": None, "ratio": 4.0,
+                                  "p": pytest.approx(0.02275, rel=1e-3)}  # fmt: skip
+    assert content["window"] == 0.25
+    lines = tomllib.loads(files["vibration.toml"].decode())
+    assert lines == {"run": {"vibration": {"accel": [0.1, 0.2, 0.1], "gyro": [0.0, 0.3, 0.1]}}}
+    text = record.read_text().replace("[run]\n", files["vibration.toml"].decode())
+    record.write_text(text)
+    given = config_record.read_record(record)._noticed()["vibration"]
+    assert given == nj.imu.VibrationNoise((0.1, 0.2, 0.1), (0.0, 0.3, 0.1))
 
 
 def test_geodetic_fixes_in_columns_of_other_names(record, tmp_path):

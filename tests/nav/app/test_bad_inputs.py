@@ -107,7 +107,7 @@ TOML = {
     "utf-16": TEXT.encode("utf-16"),
     "a list": b"[[trajectory]]\nmotion = 'circle'\n",
 }
-COMMANDS = ("run", "compare", "budget", "design", "navigate", "outages", "tune", "inspect", "align")
+COMMANDS = ("run", "compare", "budget", "design", "navigate", "outages", "tune", "vibration", "inspect", "align")
 
 
 @pytest.mark.parametrize("what", TOML)
@@ -126,7 +126,7 @@ RUN, TUNE = ("run", "good.toml"), ("tune", "record.toml")
 OPTIONS = [
     *((command, file) for command in COMMANDS
       for file in ("none.toml", "no/where.toml", "results", "imu.csv", "gnss.npz", "a\nb.toml")),
-    *((command,) for command in ("run", "compare", "budget", "design", "navigate", "tune", "inspect", "align")),
+    *((command,) for command in COMMANDS if command != "outages"),
     ("compare", "good.toml"),
     *of(RUN, "--filter", values=("left", "", "1")),
     *of(RUN, "--num-runs", values=("0", "-1", "many", "1.5", "99999999999999")),
@@ -154,6 +154,7 @@ OPTIONS = [
     *of(("outages", "record.toml"), "--last", values=("0", "-1", "nan", "x", "1e9")),
     *of(("outages", "record.toml"), "--every", values=("0", "-1", "5")),
     *of(("outages", "record.toml"), "--runs", values=("0", "x")),
+    *of(("vibration", "record.toml"), "--window", values=("0", "-1", "nan", "x")),
     ("demo", "--fits", "results"),
     ("demo", "--fits", "none"),
     ("demo", "--num-runs", "1"),

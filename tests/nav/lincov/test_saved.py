@@ -153,8 +153,8 @@ def test_files_know_these_classes():
             "Analysis", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison", "Covariances",
             "Definition", "Design", "DualAntenna", "Estimates", "Fixes", "FlatEarth", "GSensitivity", "Gnss",
             "GnssPosition", "GnssVelocity", "GravityDisturbance", "ImuErrors", "ImuSpecification",
-            "InitialUncertainty", "Magnetometer", "Misalignment", "Navigation", "NonHolonomic", "Odometer",
-            "OutageStudy", "Output", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
+            "InitialUncertainty", "Magnetometer", "Misalignment", "Navigation", "NoiseInMotion", "NonHolonomic",
+            "Odometer", "OutageStudy", "Output", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
             "Sensitivities", "Track", "Trajectory", "Tuning", "TwoLevel", "VibrationNoise", "Wgs84", "Withheld",
             "ZeroRate", "ZeroVelocity",
         )
