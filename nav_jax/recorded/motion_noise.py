@@ -273,14 +273,15 @@ def _slopes(
 ) -> Slopes:
     """Of the loss by the factors; `timeline.shaken` is that of factors of one.
 
-    P filters side by side, as runs of a Monte Carlo, have one factor in motion each: loops work on their last axis, runs.
+    P filters side by side, as runs of a Monte Carlo, have one factor in motion each: loops are made for runs.
     """
-    P = len(point)
+    P, shaken = len(point), record.timeline.shaken
+    assert shaken is not None
     spread = partial(jax.tree.map, lambda a: jnp.broadcast_to(a, (*a.shape[:-1], P)))
     inputs = Inputs(*map(spread, record.inputs))
 
     def stated(factors: Array) -> tuple[Array, Array]:
-        timeline = eqx.tree_at(lambda t: t.shaken, record.timeline, record.timeline.shaken * factors[None, None])
+        timeline = eqx.tree_at(lambda t: t.shaken, record.timeline, shaken * factors[None, None])
         outcome = run_record(timeline, sensors, inputs, filter, record.initial)
         is_fix = record.timeline.valid[:, :, None] > 0
         return jnp.where(is_fix, outcome.innovation, 0.0), jnp.where(is_fix, outcome.variance, 1.0)
