@@ -334,9 +334,8 @@ def navigate(
     folder, plot = _folder(known.output, config.parent, out, plot)
     save = _save(known.output.save, config.parent, save)
     track = _save(known.output.export, config.parent, export)
-    if save is not None and save.suffix.lower() not in SAVED:
-        hint = ": export is for tracks" if save.suffix.lower() in TRACKS + MAPS else ""
-        raise typer.BadParameter(f"solutions are saved as {', '.join(SAVED)}, not {str(save)!r}{hint}")
+    if save is not None:
+        _require_loadable(save, "solutions", ": export is for tracks")
     if track is not None and track.suffix.lower() not in TRACKS + MAPS:
         raise typer.BadParameter(f"tracks are exported as {', '.join(TRACKS + MAPS)}, not {str(track)!r}")
     is_map = track is not None and track.suffix.lower() in MAPS
@@ -362,6 +361,7 @@ def outages(
     out: Out = None,
     json_file: Json = None,
     plot: Plot = None,
+    save: Solution = None,
 ) -> None:
     """Simulate outages of the receivers all over a record, and judge the filter at the end of each."""
     from nav_jax.app.record_file import read_record
@@ -371,11 +371,14 @@ def outages(
     known = read_record(config)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
+    if save is not None:  # [output] save is of a solution
+        _require_loadable(save, "studies")
     schedules = shifted_schedules(known.imu, known.aiding, last=last, every=every, runs=runs)
     _say(f"Outages by {name} ...")
-    _give(
-        outages_report(name, known.outages(name, schedules, progress=True), known.notes), json_file, folder, plot=plot
-    )
+    study = known.outages(name, schedules, progress=True)
+    to_screen = _give(outages_report(name, study, known.notes), json_file, folder, plot=plot)
+    if save is not None:
+        typer.echo(f"Saved as {study.save(save)}", err=to_screen)
 
 
 @_command
@@ -482,6 +485,13 @@ def _save(asked: str | None, beside: Path, save: Path | None) -> Path | None:
     if save is not None:
         require_place(save)
     return save
+
+
+def _require_loadable(save: Path, what: str, of_tracks: str = "") -> None:
+    """Raise unless `nav_jax.load` reads such a file."""
+    if save.suffix.lower() not in SAVED:
+        hint = of_tracks if save.suffix.lower() in TRACKS + MAPS else ""
+        raise typer.BadParameter(f"{what} are saved as {', '.join(SAVED)}, not {str(save)!r}{hint}")
 
 
 def _chosen(filters: Mapping[str, Any], name: str | None) -> str:

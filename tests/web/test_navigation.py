@@ -146,3 +146,25 @@ def test_a_recorded_drive(open_page, tmp_path):
     page.locator("#nav_navigate").click()
     page.locator("#nav_drive_text", has_text="white: ").wait_for()
     drawn(page, "nav_drive_figure")
+
+
+def test_outages_of_a_recorded_drive(open_page, tmp_path):
+    page = opened(open_page)
+    page.locator("#nav_outages").click()
+    page.get_by_text("Send the files of a drive first.").wait_for()
+    page.locator("#nav_drive").set_input_files(write_drive(tmp_path))
+    page.locator("#nav_drive_progress", has_text="Upload complete").wait_for()
+    # of the defaults of the command there is no place in four seconds
+    page.locator("#nav_outages").click()
+    page.locator("#nav_outages_status .gmwm-error", has_text="no place for an outage of 15 s").wait_for()
+    enter(page, "nav_outage_last", 0.5)
+    enter(page, "nav_outage_every", 1)
+    page.locator("#nav_outages_status .gmwm-error").wait_for(state="detached")
+    page.locator("#nav_outages").click()
+    page.locator("#nav_outages_text", has_text="white: 4 outages of gnss_position").wait_for()
+    drawn(page, "nav_outages_figure")
+    assert {"claimed (rms)", "predicted - measured"} <= set(curves(page, "nav_outages_figure"))
+    assert "nav_outage_last=0.5" in page.url
+    # nothing stale beside another length
+    enter(page, "nav_outage_last", 0.25)
+    page.locator("#nav_outages_text pre").wait_for(state="detached")

@@ -38,6 +38,8 @@ SYMBOLS = ("circle", "x", "triangle-up", "cross", "square", "triangle-down", "di
 
 _MAX_LABELLED = 8
 """Decades on an axis of which each has its number."""
+_MAX_COLUMNS = 24
+"""Names along an axis."""
 
 
 class Style(NamedTuple):
@@ -113,7 +115,7 @@ def figure_of(
         last_row = not shared_x or k // columns == rows - 1
         given = None if y_ranges is None else y_ranges[k]
         layout[f"xaxis{number}"] |= _axis(frame.x, _along(frame, "x"), titled=last_row)
-        layout[f"yaxis{number}"] |= _axis(frame.y, _along(frame, "y") if given is None else given)
+        layout[f"yaxis{number}"] |= _axis(frame.y, _along(frame, "y") if given is None else given, upright=True)
     # made and checked as a whole: to change a figure of Plotly's is slow
     layout |= {"annotations": [title for title in titles if title["text"]], "shapes": shapes}
     return go.Figure({"data": traces, "layout": layout})
@@ -205,8 +207,9 @@ def _drawn(frame: Frame, item: Item, style: Style, named: set[str]) -> _Drawn:
             return _Drawn([shown | extra | legend | {"connectgaps": False}])
         case Points(x=x, y=y):
             marker = {"symbol": style.symbol or "circle", "size": 8, "color": style.colour}
-            texts = {"text": [escaped(name) for name in item.names]} if item.names else {}
-            hover = "%{text}<br>" * bool(item.names) + hover
+            names = item.names or _names_at(frame.x, x)
+            texts = {"text": [escaped(name) for name in names]} if names else {}
+            hover = "%{text}<br>" * bool(names) + (_hovered("y", frame.y) if frame.x.names else hover)
             shown = {"x": x, "y": y, "mode": "markers", "marker": marker, "hovertemplate": hover}
             return _Drawn([shown | texts | legend])
         case Band(x=x, low=low, high=high):
@@ -223,10 +226,10 @@ def _drawn(frame: Frame, item: Item, style: Style, named: set[str]) -> _Drawn:
             error |= {"color": style.colour, "thickness": style.width}
             hover = f"{_hovered('x' if lying else 'y', frame.x if lying else frame.y)}"
             hover += "<br>%{customdata[0]:.4g} .. %{customdata[1]:.4g}"
-            names = (frame.y if lying else frame.x).names
+            names = _names_at(frame.y, y) if lying else _names_at(frame.x, x)
             if names:
                 hover = "%{text}<br>" + hover
-                legend["text"] = [escaped(names[int(v)]) for v in (y if lying else x)]
+                legend["text"] = [escaped(name) for name in names]
             marker = {"symbol": style.symbol or "circle", "size": 8, "color": style.colour}
             bars = {"error_x" if lying else "error_y": error, "customdata": np.column_stack([low, high])}
             return _Drawn(
@@ -243,6 +246,11 @@ def _drawn(frame: Frame, item: Item, style: Style, named: set[str]) -> _Drawn:
             marker = {"symbol": "square", "size": 12, "color": _rgba(style.colour, max(0.3, drawn))}
             entry = unseen | {"mode": "markers", "marker": marker} | legend
             return _Drawn([entry], [{"type": "rect"} | area], (of, low, high))
+
+
+def _names_at(axis: Axis, values: np.ndarray) -> tuple[str, ...]:
+    """Of the whole numbers that an axis has names of."""
+    return tuple(axis.names[int(v)] for v in values) if axis.names else ()
 
 
 def _histogram(frame: Frame, edges: np.ndarray, counts: np.ndarray, style: Style) -> dict[str, Any]:
@@ -310,15 +318,21 @@ def _along(frame: Frame, axis: str) -> tuple[float, float] | None:
     return (float(known.min()), float(known.max())) if len(known) else (0.1, 10.0)
 
 
-def _axis(axis: Axis, ends: tuple[float, float] | None, *, titled: bool = True) -> dict[str, Any]:
+def _axis(
+    axis: Axis, ends: tuple[float, float] | None, *, titled: bool = True, upright: bool = False
+) -> dict[str, Any]:
     unit = f" [{escaped(axis.unit)}]" if axis.unit else ""
     made: dict[str, Any] = {"gridcolor": GRID, "linecolor": FAINT, "ticks": "outside", "zeroline": False}
     made |= {"mirror": True, "showline": True, "title": {"standoff": 8}}
     if titled:
         made["title"]["text"] = f"{escaped(axis.label)}{unit}"
     if axis.names:
-        made |= {"tickmode": "array", "tickvals": list(range(len(axis.names))), "automargin": True}
-        made |= {"ticktext": [escaped(name) for name in axis.names], "range": [len(axis.names) - 0.5, -0.5]}
+        # rows are all named, from the top; columns from the left, as many as there is place for
+        step = 1 if upright else -(-len(axis.names) // _MAX_COLUMNS)
+        ends_of_names = (-0.5, len(axis.names) - 0.5)
+        made |= {"tickmode": "array", "tickvals": list(range(0, len(axis.names), step)), "automargin": True}
+        made |= {"ticktext": [escaped(name) for name in axis.names[::step]]}
+        made |= {"range": list(ends_of_names[::-1] if upright else ends_of_names)}
     elif axis.scale == "log" and ends is not None:
         low, high = math.log10(ends[0]), math.log10(ends[1])
         pad = 0.03 * (high - low) + 0.05

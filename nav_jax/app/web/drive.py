@@ -1,6 +1,6 @@
-"""A recorded drive: its configuration and the files that it names, navigated by the command of the shell.
+"""A recorded drive: its configuration and the files that it names, which commands of the shell navigate and study.
 
-The command runs in a process of its own, with limits of memory and time, since the files are a visitor's.
+A command runs in a process of its own, with limits of memory and time, since the files are a visitor's.
 """
 
 import signal
@@ -10,13 +10,16 @@ import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from gmwm_jax._internal.limits import as_bytes
 from gmwm_jax._internal.saved import load
 from gmwm_jax.app.web.limits import Limits
 from nav_jax.app.comparison_file import names_of_files
 from nav_jax.recorded.navigation import Navigation
+from nav_jax.recorded.study import OutageStudy
+
+T = TypeVar("T")
 
 _BETWEEN = 0.2
 """Seconds between two looks at the process."""
@@ -24,12 +27,14 @@ _CONFIGURATION = 1_000_000
 """Bytes of a configuration, which is parsed in the process of the server, where nothing ends it."""
 _NAME = 255
 """Bytes of the name of a file, in most file systems."""
+_CONFIG, _FOUND = "drive.toml", "found.npz"
+"""The files that a command reads and writes."""
 
 _PROGRAM = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_DATA, ({memory}, {memory}))
 resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds} + 1))
-sys.argv = ["nav-jax", "navigate", "drive.toml", "--save", "solution.npz"]
+sys.argv = {words!r}
 from nav_jax.__main__ import main
 main()
 """
@@ -47,6 +52,26 @@ class Drive(NamedTuple):
 
     text: str
     solution: Navigation
+
+
+class StudiedDrive(NamedTuple):
+    """What the command says, and its study."""
+
+    text: str
+    study: OutageStudy
+
+
+class _Command(NamedTuple):
+    """A command that takes a configuration and saves what it finds."""
+
+    name: str
+    options: tuple[str, ...] = ()
+    undone: str = "The drive was not navigated"
+    """With what the sentence begins that says why there is no result."""
+
+    def words(self) -> list[str]:
+        """All of it, as the shell gives it."""
+        return ["nav-jax", self.name, _CONFIG, *self.options, "--save", _FOUND]
 
 
 def configuration_of(files: Iterable[Sent]) -> Sent:
@@ -118,6 +143,34 @@ def navigate(files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | N
     ValueError
         See `configuration_of` and `check`; what the command says.
     """
+    return Drive(*_found(_Command("navigate"), Navigation, files, limits, tell))
+
+
+def study_outages(
+    files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | None], None], *, last: float, every: float
+) -> StudiedDrive:
+    """Simulate outages all over a drive.
+
+    Parameters
+    ----------
+    files, limits, tell
+        See `navigate`.
+    last, every
+        Seconds: of each outage, and from the beginning of one to that of the next.
+
+    Raises
+    ------
+    ValueError
+        See `navigate`.
+    """
+    command = _Command("outages", (f"--last={last!r}", f"--every={every!r}"), "The outages were not studied")
+    return StudiedDrive(*_found(command, OutageStudy, files, limits, tell))
+
+
+def _found(
+    command: _Command, kind: type[T], files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | None], None]
+) -> tuple[str, T]:
+    """What a command says of a drive, and what it saves."""
     files = list(files)
     chosen = configuration_of(files)
     sent = [file for file in files if file is not chosen]
@@ -128,11 +181,11 @@ def navigate(files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | N
         folder = Path(place)
         for file in sent:
             (folder / file.name).symlink_to(Path(file.path).resolve())
-        (folder / "drive.toml").write_text(text, encoding="utf-8")
-        said = _run(folder, limits, tell)
-        solution = load(folder / "solution.npz")
-    assert isinstance(solution, Navigation)  # the command has written it
-    return Drive(said, solution)
+        (folder / _CONFIG).write_text(text, encoding="utf-8")
+        said = _run(command, folder, limits, tell)
+        found = load(folder / _FOUND)
+    assert isinstance(found, kind)  # the command has written it
+    return said, found
 
 
 def _check_names(names: Sequence[str]) -> None:
@@ -154,8 +207,9 @@ def _text_of(chosen: Sent) -> str:
         raise ValueError(f"{chosen.name!r:.80} is no text.") from None
 
 
-def _run(folder: Path, limits: Limits, tell: Callable[[int, int | None], None]) -> str:
-    program = _PROGRAM.format(memory=limits.read_memory, seconds=int(limits.job_seconds) + 1)
+def _run(command: _Command, folder: Path, limits: Limits, tell: Callable[[int, int | None], None]) -> str:
+    seconds = int(limits.job_seconds) + 1
+    program = _PROGRAM.format(memory=limits.read_memory, seconds=seconds, words=command.words())
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", program], cwd=folder, **pipes) as process:
         try:
@@ -163,17 +217,17 @@ def _run(folder: Path, limits: Limits, tell: Callable[[int, int | None], None]) 
         finally:
             process.kill()
     if process.returncode:
-        raise ValueError(_reason(process.returncode, wrong, limits))
-    return out.replace("Saved as solution.npz", "").strip()
+        raise ValueError(_reason(command, process.returncode, wrong, limits))
+    return out.replace(f"Saved as {_FOUND}", "").strip()
 
 
-def _reason(code: int, wrong: str, limits: Limits) -> str:
-    """Why a drive was not navigated: what ended it, else the last line that the command wrote."""
+def _reason(command: _Command, code: int, wrong: str, limits: Limits) -> str:
+    """Why there is no result: what ended the command, else the last line that it wrote."""
     if code < 0 and -code == signal.SIGXCPU:  # at the lower of its two limits; a lack of memory has another signal
-        return f"The drive was not navigated within {limits.job_seconds:g} s of a processor, the most that it gets."
+        return f"{command.undone} within {limits.job_seconds:g} s of a processor, the most that it gets."
     lines = wrong.strip().splitlines()
     if code < 0 or not lines:
-        return f"The drive was not navigated: it took more than the {as_bytes(limits.read_memory)} of memory it gets."
+        return f"{command.undone}: it took more than the {as_bytes(limits.read_memory)} of memory it gets."
     return lines[-1]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import plotly.graph_objects as go
 
-from gmwm_jax._internal.figure_data import Band, Frame, Item, Line, Mark, Points, Span
+from gmwm_jax._internal.figure_data import Band, Bars, Frame, Item, Line, Mark, Points, Span
 from gmwm_jax._internal.palette import COLOURS
 from gmwm_jax.app.web.frames import DASHES, FAINT, GREY, SYMBOLS, Style, figure_of
 from nav_jax.lincov.analysis import Analysis
@@ -13,9 +13,11 @@ from nav_jax.lincov.filter_design import Design
 from nav_jax.plotting.comparison import consistency_data, mean_errors_data
 from nav_jax.plotting.lincov import analysis_data, budget_data, design_data
 from nav_jax.plotting.navigation import navigation_data
+from nav_jax.plotting.recorded import outages_data
 from nav_jax.plotting.runs import errors_data, sensor_states_data
 from nav_jax.plotting.trajectory import trajectory_data
 from nav_jax.recorded.navigation import Navigation
+from nav_jax.recorded.study import OutageStudy
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs
 from nav_jax.trajectory.trajectory import Trajectory
@@ -190,6 +192,31 @@ def drive(found: Navigation, *, columns: int = 2) -> go.Figure:
     figure = figure_of(frames, style, columns=columns, height=420 if columns > 1 else 780)
     figure.layout.yaxis.scaleanchor = "x"
     return figure
+
+
+def outages(study: OutageStudy) -> go.Figure:
+    """Draw the error at the end of each simulated outage beside what the filter claimed of it.
+
+    Parameters
+    ----------
+    study
+        Of outages.
+
+    Examples
+    --------
+    >>> from nav_jax.app.web import figures
+    >>> error, covariance = np.array([[0.3, 0.4]]), np.eye(2)[None]
+    >>> once = np.array([60.0])
+    >>> study = nj.recorded.OutageStudy("gnss", "m", np.array([0]), once, once + 15.0, error, covariance)
+    >>> [trace.name for trace in figures.outages(study).data]
+    ['claimed (rms)', 'predicted - measured']
+    """
+    ends = (0.0, 1.08 * float(max(study.size.max(), study.claimed.max())))
+
+    def style(_: Frame, i: int, item: Item) -> Style:
+        return Style(GREY, width=4, symbol="line-ew") if isinstance(item, Bars) else Style(COLOURS[0])
+
+    return figure_of(outages_data(study), style, height=420, y_ranges=[ends])
 
 
 def _with_claims(frame: Frame) -> Frame:

@@ -15,6 +15,13 @@ from nav_jax.app.web.controls import Choice, Control
 _TRUTHS = {"sensor": "a known sensor", "fit": "the fit of the room Model & fit", "text": "the models written here"}
 _MODEL = "WN(sigma2=1e-6) + GM(beta=0.01, variance=1e-8)"
 
+_STUDY = (
+    "Fixes of receivers are withheld from the filter in outages all over the drive, in two runs that are shifted "
+    "against each other, and the last fix withheld in each outage says how far off the filter is: beside this error "
+    "stand what the filter claims of it, and the NEES, whose mean is 1 where claims are true, with the 95 % band of "
+    "that mean."
+)
+
 
 def make_ui(state: Any, limits: Limits) -> Tag:
     """Make the room."""
@@ -94,6 +101,16 @@ def make_ui(state: Any, limits: Limits) -> Tag:
         ui.output_ui("nav_drive_status"),
         output_figure("nav_drive_figure"),
         ui.output_ui("nav_drive_text"),
+        ui.div(
+            _seconds(state, "nav_outage_last", "Length of an outage [s]"),
+            _seconds(state, "nav_outage_every", "From the beginning of one to the next [s]"),
+            ui.input_action_button("nav_outages", "Study outages", class_="btn-outline-primary"),
+            class_="gmwm-controls",
+        ),
+        ui.output_ui("nav_outages_status"),
+        output_figure("nav_outages_figure"),
+        ui.output_ui("nav_outages_text"),
+        ui.p(_STUDY),
         ui.h2("Take away"),
         ui.output_ui("nav_takeaway"),
     )  # fmt: skip
@@ -115,6 +132,10 @@ def _choice(state: Any, control: Control) -> Tag:
 
 def _text(state: Any, name: str, label: str, hint: str) -> Tag:
     return ui.input_text(name, label, getattr(state, name), placeholder=hint, update_on="blur")
+
+
+def _seconds(state: Any, name: str, label: str) -> Tag:
+    return ui.input_numeric(name, label, getattr(state, name), min=0, update_on="blur")
 
 
 def _grid(fields: Iterable[Tag]) -> Tag:

@@ -21,7 +21,7 @@ from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.store import Part, Same, Store
 from nav_jax.app.comparison_file import Config
 from nav_jax.app.web import controls, figures, files, tables
-from nav_jax.app.web.drive import Drive, Sent, navigate
+from nav_jax.app.web.drive import Drive, Sent, StudiedDrive, navigate, study_outages
 from nav_jax.app.web.followed import follow
 from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
@@ -157,7 +157,11 @@ def _server(input: Inputs, store: Store) -> None:
             return
         if found is None or asked is None:
             ui.notification_show(NOTHING, type="warning")
-        elif not jobs.start(name, asked, lambda tell: _said(lambda: work(found, asked, tell))):
+        else:
+            start(name, asked, lambda tell: _said(lambda: work(found, asked, tell)))
+
+    def start(name: str, asked: Any, work: Callable[[Tell], Any]) -> None:
+        if not jobs.start(name, asked, work):
             ui.notification_show(BUSY, type="warning")
 
     def result(name: str, key: Callable[[], Any]) -> Outcome[Any]:
@@ -303,18 +307,43 @@ def _server(input: Inputs, store: Store) -> None:
     def drive_key() -> tuple[Sent, ...]:
         return _sent(input.nav_drive())
 
+    def outages_key() -> tuple[tuple[Sent, ...], float, float]:
+        state: Any = store.state()
+        return drive_key(), state.nav_outage_last, state.nav_outage_every
+
+    def begin_of_drive(name: str, sent: tuple[Sent, ...], asked: Any, work: Callable[[Tell], Any]) -> None:
+        if sent:
+            start(name, asked, work)
+        else:
+            ui.notification_show("Send the files of a drive first.", type="warning")
+
     @reactive.effect
     @reactive.event(input.nav_navigate)
     def _navigate() -> None:
         sent = drive_key()
-        if not sent:
-            ui.notification_show("Send the files of a drive first.", type="warning")
-        elif not jobs.start("nav_drive", sent, lambda tell: navigate(sent, store.limits, tell)):
-            ui.notification_show(BUSY, type="warning")
+        begin_of_drive("nav_drive", sent, sent, partial(navigate, sent, store.limits))
+
+    @reactive.effect
+    @reactive.event(input.nav_outages)
+    def _outages() -> None:
+        try:
+            sent, last, every = outages_key()
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+            return
+        work = partial(study_outages, sent, store.limits, last=last, every=every)
+        begin_of_drive("nav_outages", sent, (sent, last, every), work)
 
     @reactive.calc
     def driven() -> Outcome[Drive]:
         return jobs.result("nav_drive", drive_key())
+
+    @reactive.calc
+    def studied() -> Outcome[StudiedDrive]:
+        try:
+            return jobs.result("nav_outages", outages_key())
+        except ValueError:
+            return Outcome()  # said above
 
     @render.ui
     def nav_drive_status() -> Tag | None:
@@ -328,6 +357,20 @@ def _server(input: Inputs, store: Store) -> None:
     @render.ui
     def nav_drive_text() -> Tag | None:
         found = driven().value
+        return None if found is None else text(found.text)
+
+    @render.ui
+    def nav_outages_status() -> Tag | None:
+        return status(studied())
+
+    @render_figure
+    def nav_outages_figure() -> go.Figure | Outcome[Any] | None:
+        found = studied()
+        return found if found.value is None else store.themed(figures.outages(found.value.study))
+
+    @render.ui
+    def nav_outages_text() -> Tag | None:
+        found = studied().value
         return None if found is None else text(found.text)
 
     @reactive.calc

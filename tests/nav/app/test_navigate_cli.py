@@ -168,7 +168,8 @@ def test_outages(drive, tmp_path):
     """The record has some 36 s with fixes: of two runs, outages of 4 s each 12 s, shifted by 6."""
     drive.write_text(drive.read_text().replace("[output]", "[run]\nvibration = { accel = 0.01 }\n\n[output]"))
     options = ("--filter", "right", "--last", "4", "--every", "12", "--out", tmp_path, "--json", tmp_path / "a.json")
-    stdout = call("outages", drive, *options).stdout
+    stdout = call("outages", drive, *options, "--save", tmp_path / "a.npz").stdout
+    assert repr(nj.load(tmp_path / "a.npz")) in stdout
     content = json.loads((tmp_path / "a.json").read_text())
     assert content["sensor"] == "gnss_position"
     assert {row["run"] for row in content["outages"]} == {0, 1}

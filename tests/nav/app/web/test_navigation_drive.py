@@ -1,12 +1,15 @@
 """A recorded drive on the page: what the command gives; nothing of the server is named, read or written."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from nav.small_drive import write_drive
 
 from gmwm_jax.app.web.limits import Limits
 from nav_jax.app.web import figures
-from nav_jax.app.web.drive import Sent, check, navigate
+from nav_jax.app.web.drive import Sent, check, navigate, study_outages
+from nav_jax.recorded.study import OutageStudy
 
 
 @pytest.fixture
@@ -24,12 +27,46 @@ def test_a_drive_is_navigated_and_drawn(sent):
     assert {"fix", "navigation"} <= {trace.name for trace in figures.drive(found.solution).data}
 
 
-def test_a_drive_is_cancelled(sent):
+@pytest.mark.slow
+def test_outages_of_a_drive_are_studied_and_drawn(sent):
+    """Fixes are of 1 to 4 s: of the first run, outages at 2 and 3 s; of the other one half a second later."""
+    told = []
+    found = study_outages(sent, Limits(), lambda done, total: told.append(done), last=0.5, every=1.0)
+    assert told
+    np.testing.assert_allclose(found.study.start, [2.0, 3.0, 2.5, 3.5])
+    np.testing.assert_allclose(found.study.end - found.study.start, 0.5)
+    assert found.text == f"white: {found.study!r}"
+    drawn = {trace.name: trace for trace in figures.outages(found.study).data}
+    order = np.argsort(found.study.start)
+    np.testing.assert_array_equal(drawn["predicted - measured"].y, found.study.size[order])
+    np.testing.assert_array_equal(drawn["claimed (rms)"].y, found.study.claimed[order])
+    assert drawn["predicted - measured"].text == ("2", "2.5", "3", "3.5")
+
+
+@pytest.mark.slow
+def test_outages_that_have_no_place_are_said_without_a_path(sent, tmp_path):
+    with pytest.raises(ValueError, match="there is no place for an outage of 15 s") as refused:
+        study_outages(sent, Limits(), lambda done, total: None, last=15.0, every=60.0)
+    assert "/" not in str(refused.value)
+
+
+def test_many_outages_are_drawn_from_the_left_and_not_all_named():
+    start = np.arange(60.0, 60.0 * 101, 60.0)
+    error, covariance = np.ones((100, 2)), np.tile(np.eye(2), (100, 1, 1))
+    study = OutageStudy("gnss", "m", np.zeros(100, int), start, start + 15, error, covariance)
+    axis = figures.outages(study).layout.xaxis
+    assert axis.range == (-0.5, 99.5)
+    assert axis.ticktext[:2] == ("60", "360")
+    assert len(axis.ticktext) == len(axis.tickvals) == 20
+
+
+@pytest.mark.parametrize("work", [navigate, partial(study_outages, last=0.5, every=1.0)])
+def test_a_drive_is_cancelled(sent, work):
     def cancel(done, total):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        navigate(sent, Limits(), cancel)
+        work(sent, Limits(), cancel)
 
 
 @pytest.mark.parametrize(
@@ -70,5 +107,7 @@ def test_a_configuration_has_a_largest_size(sent):
 
 @pytest.mark.slow
 def test_what_takes_too_long_is_not_said_to_be_memory(sent):
-    with pytest.raises(ValueError, match="within 0 s of a processor"):
+    with pytest.raises(ValueError, match="drive was not navigated within 0 s of a processor"):
         navigate(sent, Limits(job_seconds=0.0), lambda done, total: None)
+    with pytest.raises(ValueError, match="outages were not studied within 0 s of a processor"):
+        study_outages(sent, Limits(job_seconds=0.0), lambda done, total: None, last=0.5, every=1.0)
