@@ -214,7 +214,7 @@ def outages(study: OutageStudy) -> go.Figure:
     ends = (0.0, 1.08 * float(max(study.size.max(), study.claimed.max())))
 
     def style(_: Frame, i: int, item: Item) -> Style:
-        return Style(GREY, width=4, symbol="line-ew") if isinstance(item, Bars) else Style(COLOURS[0])
+        return Style(FAINT, width=4, symbol="square") if isinstance(item, Bars) else Style(COLOURS[0])
 
     return figure_of(outages_data(study), style, height=420, y_ranges=[ends])
 

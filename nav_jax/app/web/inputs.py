@@ -18,8 +18,8 @@ _MODEL = "WN(sigma2=1e-6) + GM(beta=0.01, variance=1e-8)"
 _STUDY = (
     "Fixes of receivers are withheld from the filter in outages all over the drive, in two runs that are shifted "
     "against each other, and the last fix withheld in each outage says how far off the filter is: beside this error "
-    "stand what the filter claims of it, and the NEES, whose mean is 1 where claims are true, with the 95 % band of "
-    "that mean."
+    "stand what the filter claims of it, and the NEES over the number of its components, whose mean is 1 where claims "
+    "are true, with the 95 % band of that mean."
 )
 
 
@@ -103,7 +103,7 @@ def make_ui(state: Any, limits: Limits) -> Tag:
         ui.output_ui("nav_drive_text"),
         ui.div(
             _seconds(state, "nav_outage_last", "Length of an outage [s]"),
-            _seconds(state, "nav_outage_every", "From the beginning of one to the next [s]"),
+            _seconds(state, "nav_outage_every", "An outage every [s]"),
             ui.input_action_button("nav_outages", "Study outages", class_="btn-outline-primary"),
             class_="gmwm-controls",
         ),

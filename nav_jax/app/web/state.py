@@ -29,7 +29,7 @@ class Chosen(State):
     nav_max_accel: int = Field(1, ge=0, le=2, title="Most Gauss-Markov processes of an accelerometer")
     nav_max_gyro: int = Field(1, ge=0, le=2, title="Most Gauss-Markov processes of a gyro")
     nav_outage_last: float = Field(15.0, gt=0, le=86_400, title="Length of an outage")
-    nav_outage_every: float = Field(60.0, gt=0, le=86_400, title="From one outage to the next")
+    nav_outage_every: float = Field(60.0, gt=0, le=86_400, title="An outage every")
 
 
 _SECTIONS: dict[str, Any] = {c.name: (str, Field(c.default, max_length=200, title=c.label)) for c in every()}
