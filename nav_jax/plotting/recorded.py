@@ -189,8 +189,7 @@ def noise_in_motion_data(found: NoiseInMotion) -> tuple[Frame]:
     'gyro x'
     """
     k = np.arange(len(CHANNELS), dtype=float)
-    high = np.where(np.isfinite(found.ci_high), found.ci_high, 1.3 * _highest(found))
-    bars = Bars(f"{100 * found.level:g} % interval", k, found.factor, found.ci_low, high)
+    bars = Bars(f"{100 * found.level:g} % interval", k, found.factor, found.ci_low, found.ci_high)
     title = f"2 log likelihood ratio {found.ratio_of_all:.3g}, p {found.p_of_all:.2g}"
     items = (Mark("as at rest", 0.0, "y"), bars)
     return (Frame(title, Axis("", "", names=CHANNELS), Axis("noise per variance of the samples", "1"), items),)
@@ -220,13 +219,7 @@ def plot_noise_in_motion(found: NoiseInMotion, *, axes: GivenAxes | None = None)
     put(ax, at_rest, color=INK, lw=1.0, ls=":")
     put(ax, bars, color=COLOURS[0], fmt="o", capsize=4, lw=1.6)
     describe(ax, frame)
-    ax.set(xticks=range(len(CHANNELS)), xticklabels=CHANNELS, ylim=(-0.05 * _highest(found), 1.1 * _highest(found)))
+    ax.set(xticks=range(len(CHANNELS)), xticklabels=CHANNELS, ylim=(-0.05, 1.05))
     grid(ax)
     legend_below(figure, [ax], alone=axes is None)
     return figure
-
-
-def _highest(found: NoiseInMotion) -> float:
-    """Of what is finite."""
-    finite = found.ci_high[np.isfinite(found.ci_high)]
-    return float(max([0.01, *found.factor, *finite]))

@@ -1,7 +1,7 @@
-"""Factors that are not negative under which a record is most likely, and the ends of their likelihood intervals.
+"""Factors of 0 to 1 under which a record is most likely, and the ends of their likelihood intervals.
 
 With information J and gradient g of the loss at x, a step of scoring is the d that minimises g'd + d'Jd/2 with
-x + d >= 0. Of a variance that is linear in its factors this is right far from the minimum too.
+0 <= x + d <= 1. Of a variance that is linear in its factors this is right far from the minimum too.
 """
 
 from collections.abc import Callable
@@ -37,18 +37,19 @@ class Minimum(NamedTuple):
 
     factors: Float64[np.ndarray, " P"]
     loss: float
+    information: Float64[np.ndarray, "P P"]
     converged: bool
 
 
 def scoring_step(
     x: Float64[np.ndarray, " P"], gradient: Float64[np.ndarray, " P"], information: Float64[np.ndarray, "P P"]
 ) -> tuple[Float64[np.ndarray, " P"], float]:
-    """The step, which does not leave x >= 0, and what it gains."""
+    """The step, which does not leave 0 to 1, and what it gains."""
     values, vectors = np.linalg.eigh(information)
     size = np.sqrt(np.maximum(values, max(_NONE * values[-1], np.finfo(float).tiny)))
     root = size[:, None] * vectors.T
-    step = lsq_linear(root, -(vectors.T @ gradient) / size, bounds=(-x, np.inf), method="bvls").x
-    step = np.maximum(step, -x)
+    step = lsq_linear(root, -(vectors.T @ gradient) / size, bounds=(-x, 1.0 - x), method="bvls").x
+    step = np.clip(step, -x, 1.0 - x)
     return step, float(-(gradient @ step) - step @ information @ step / 2)
 
 
@@ -61,7 +62,7 @@ def minimise(evaluate: Evaluate, x: Float64[np.ndarray, " P"], held: int | None 
         step = np.zeros(len(x))
         step[free], gain = scoring_step(best[free], found.gradient[free], found.information[np.ix_(free, free)])
         if gain < _LOSS:
-            return Minimum(best, found.loss, True)
+            return Minimum(best, found.loss, found.information, True)
         for _ in range(_MAX_STEPS):
             after = evaluate(best + step)
             if after.loss < found.loss:
@@ -70,13 +71,13 @@ def minimise(evaluate: Evaluate, x: Float64[np.ndarray, " P"], held: int | None 
         else:
             break
         found, best = after, best + step
-    return Minimum(best, found.loss, False)
+    return Minimum(best, found.loss, found.information, False)
 
 
 def likelihood_end(evaluate: Evaluate, best: Minimum, i: int, rise: float, *, upper: bool) -> tuple[float, bool]:
-    """Where the loss, with the other factors most likely, is so much higher (Venzon & Moolgavkar 1988).
+    """Where the loss, with the other factors most likely, is so much higher.
 
-    Each step takes the others to their minimum and the factor to its end, by the parabola that the loss is there.
+    The root of the rise is nearly linear in the factor, so that secants find it, and halves of where it must be.
 
     Parameters
     ----------
@@ -89,37 +90,28 @@ def likelihood_end(evaluate: Evaluate, best: Minimum, i: int, rise: float, *, up
     rise
         So much higher.
     upper
-        The upper end, and not the lower one, which is above zero.
+        The upper end, and not the lower one, which is above zero. One is the end where the loss does not rise so much.
 
     Returns
     -------
     The end, and whether it was found.
     """
-    x = best.factors
-    below, above = (x[i], np.inf) if upper else (0.0, x[i])
-    others = np.arange(len(x)) != i
+    sign, edge = (1.0, 1.0) if upper else (-1.0, 0.0)
+    at, inner, outer, root = best, float(best.factors[i]), edge, 0.0
+    x, wanted = inner, inner + sign * np.sqrt(rise / max(best.information[i, i] / 2, rise))
     for _ in range(_MAX_STEPS):
-        loss, g, J = evaluate(x)
-        step, gain = scoring_step(x[others], g[others], J[np.ix_(others, others)])
-        over = loss - gain - best.loss - rise
-        if abs(over) < _END * rise and gain < _END * rise:
-            return float(x[i]), True
-        moving = others.copy()
-        moving[others] = x[others] + step > 0
-        follow = -np.linalg.lstsq(J[np.ix_(moving, moving)], J[moving, i], rcond=None)[0]
-        slope = g[i] + J[i, others] @ step
-        curvature = max(J[i, i] + J[i, moving] @ follow, np.finfo(float).tiny)
-        if upper == (over < 0):
-            below = max(below, x[i])
-        else:
-            above = min(above, x[i])
-        way = np.sqrt(max(slope**2 - 2 * curvature * over, 0.0))
-        wanted = x[i] + ((way if upper else -way) - slope) / curvature
-        if not below < wanted < above:
-            wanted = (below + above) / 2 if np.isfinite(above) else 2 * x[i] + _LOSS
-        x = x.copy()
-        x[others] += step
-        x[moving] += follow * (wanted - x[i])
-        x = np.maximum(x, 0.0)
-        x[i] = wanted
-    return float(x[i]), False
+        before = x, root
+        x = min(max(wanted, 0.0), 1.0)
+        at = minimise(evaluate, np.where(np.arange(len(best.factors)) == i, x, at.factors), i)
+        above = max(at.loss - best.loss, 0.0)
+        if abs(above - rise) < _END * rise or (x == edge and above < rise):
+            return x, at.converged
+        inner, outer = (x, outer) if above < rise else (inner, x)
+        root = np.sqrt(above)
+        slope = (root - before[1]) / (x - before[0])
+        wanted = x + (np.sqrt(rise) - root) / slope if sign * slope > 0 else edge
+        if wanted * sign >= outer * sign and outer == edge:
+            wanted = edge
+        elif not min(inner, outer) < wanted < max(inner, outer):
+            wanted = (inner + outer) / 2
+    return x, False

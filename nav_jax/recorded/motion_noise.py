@@ -4,10 +4,11 @@ Beside the model each axis has white noise that grows with what its samples show
 own (`nav_jax.imu.vibration`). The factors that make the innovations most likely are estimates; at kappa = 0 the model
 is that of the sensor at rest.
 
-Zero is the edge of what a factor can be. So twice the logarithm of the likelihood ratio of an axis is, where the model
-holds, zero with probability 1/2 and otherwise a chi-square variable of one degree of freedom (Chernoff 1954). That of
-all six together has k degrees of freedom with probability binom(6, k) / 64, as far as the axes tell nothing of each
-other (Self & Liang 1987). Intervals are those of the likelihood ratio, with the other factors most likely.
+A factor is 0 to 1, with which all of the variance of the samples is noise. At the edge, where the model holds, twice
+the logarithm of the likelihood ratio of an axis is zero with probability 1/2 and otherwise a chi-square variable of one
+degree of freedom (Chernoff 1954). That of all six together has k degrees of freedom with probability binom(6, k) / 64,
+as far as the axes tell nothing of each other (Self & Liang 1987). Intervals are those of the likelihood ratio, with the
+other factors most likely.
 """
 
 from collections.abc import Sequence
@@ -64,7 +65,7 @@ def _check(found: "NoiseInMotion") -> None:
             raise ValueError(f"{name} has {len(getattr(found, name))} values, and an IMU six axes.")
 
 
-@saved(not_finite=("ci_high",), check=_check)
+@saved(check=_check)
 @dataclass(frozen=True, eq=False, repr=False)
 class NoiseInMotion(Drawable, Saved, Labelled):
     """The result of `noise_in_motion`: how much of the vibration of a record is white noise of its IMU.
@@ -74,7 +75,7 @@ class NoiseInMotion(Drawable, Saved, Labelled):
     factor
         kappa of accelerometer x, y, z and gyro x, y, z, shape (6,).
     ci_low, ci_high
-        Limits of their intervals; inf where the record sets none.
+        Limits of their intervals, from 0 to 1: with 1, all of the variance of the samples would be noise.
     ratio
         Twice the logarithm of the likelihood with the factor over that without, the others most likely, shape (6,).
     ratio_of_all
@@ -256,12 +257,12 @@ def noise_in_motion(
     return NoiseInMotion(
         factor=best.factors,
         ci_low=np.array([lows[i][0] if i in lows else 0.0 for i in axes]),
-        ci_high=np.array([end if is_found else np.inf for end, is_found in highs]),
+        ci_high=np.array([end for end, _ in highs]),
         ratio=np.where(best.factors > 0, np.maximum(2 * fall, 0.0), 0.0),
         ratio_of_all=max(2 * (none - best.loss), 0.0),
         window=window,
         num_innovations=int(np.asarray(record.timeline.valid).sum()),
-        converged=best.converged and all(h.converged for h in held) and all(is_found for _, is_found in lows.values()),
+        converged=best.converged and all(h.converged for h in held) and all(ok for _, ok in (*highs, *lows.values())),
         level=level,
     )
 

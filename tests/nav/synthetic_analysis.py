@@ -112,10 +112,10 @@ def make_tuning():
 
 
 def make_noise_in_motion(**changes):
-    """Of six axes: one as at rest, one whose factor has no upper limit."""
+    """Of six axes: one as at rest, one whose factor the record does not limit."""
     factor = np.array([0.1, 0.2, 0.1, 0.0, 0.3, 0.1])
     given = {
-        "factor": factor, "ci_low": factor / 2, "ci_high": np.append(2 * factor[:5] + 0.1, np.inf),
+        "factor": factor, "ci_low": factor / 2, "ci_high": np.append(2 * factor[:5] + 0.1, 1.0),
         "ratio": 40 * factor, "ratio_of_all": 120.0, "window": 0.25, "num_innovations": 600, "converged": True,
         "level": 0.95,
     }  # fmt: skip

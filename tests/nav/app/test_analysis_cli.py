@@ -323,7 +323,7 @@ def test_vibration_reads_the_record_and_gives_the_lines_for_it(record, tmp_path,
     files = {p.name: p.read_bytes() for p in (tmp_path / "out").iterdir()}
     assert set(files) == {"vibration.txt", "vibration.json", "vibration.toml", "vibration.png"}
     content = json.loads(files["vibration.json"])
-    assert content["axes"][5] == {"name": "gyro z", "factor": 0.1, "ci_low": 0.05, "ci_high": None, "ratio": 4.0,
+    assert content["axes"][5] == {"name": "gyro z", "factor": 0.1, "ci_low": 0.05, "ci_high": 1.0, "ratio": 4.0,
                                   "p": pytest.approx(0.02275, rel=1e-3)}  # fmt: skip
     assert content["window"] == 0.25
     lines = tomllib.loads(files["vibration.toml"].decode())
