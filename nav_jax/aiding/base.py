@@ -95,6 +95,12 @@ class AbstractAiding(eqx.Module):
         """Names of the components."""
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Of each component: `unit` names those of as many equal parts of them."""
+        parts = self.unit.split(", ")
+        return tuple(unit for unit in parts for _ in range(len(self.axes) // len(parts)))
+
+    @property
     def linear(self) -> bool:
         """Is h linear in position and velocity, and nothing else? Its derivative is then taken once and for all."""
         return False

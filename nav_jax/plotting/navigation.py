@@ -173,10 +173,10 @@ def innovations_data(navigation: Navigation, *, sigmas: float = 3.0) -> tuple[Fr
     for fixes in navigation.fixes:
         name = fixes.sensor.name
         time, nu, sd = fixes.time[fixes.given], navigation.innovation[name], navigation.innovation_sd[name]
-        for k, axis in enumerate(fixes.sensor.axes):
+        for k, (axis, unit) in enumerate(zip(fixes.sensor.axes, fixes.sensor.units, strict=True)):
             ratio = nu[:, k] / sd[:, k]
             rms, share = np.sqrt(np.mean(ratio**2)), 100 * np.mean(np.abs(ratio) > sigmas)
-            size = f"sd {np.median(sd[:, k]):.2g} {fixes.sensor.unit} in the median"
+            size = f"sd {np.median(sd[:, k]):.2g} {unit} in the median"
             title = f"{name} {axis}: {size}\nrms {rms:.2f} of 1, outside {share:.1f} % of {_outside(sigmas):.1f} %"
             bounds = (Mark(f"±{sigmas:g} sd", sigmas, "y"), Mark("", -sigmas, "y"))
             items = (Points("innovation", time, ratio), *bounds, *outage_items(fixes.outages))
@@ -331,7 +331,7 @@ def withheld_data(navigation: Navigation) -> tuple[Frame, ...]:
             since = w.time[inside] - row["start"]
             items.append(Line("" if i else "predicted - measured", since, w.size[inside]))
             items.append(Line("" if i else "claimed (rms)", since, w.claimed[inside]))
-        size = Axis(what, w.unit)
+        size = Axis(what, w.unit.partition(",")[0])
         shown.append(
             Frame(f"{name}: {len(rows)} outages", Axis("time since the outage began", "s"), size, tuple(items))
         )

@@ -214,6 +214,14 @@ def test_the_jacobian_is_the_derivative_along_an_injected_error(case):
         np.testing.assert_array_equal(sensor.jacobian(None, None, layout), stated)
 
 
+def test_every_component_has_a_unit():
+    receiver = Gnss(1.0, horizontal=1.0, vertical=2.0, horizontal_velocity=0.1, vertical_velocity=0.2)
+    assert receiver.units == ("m", "m", "m", "m/s", "m/s", "m/s")
+    assert GnssPosition(1.0, horizontal=1.0, vertical=2.0).units == ("m",) * 3
+    for case in CASES:
+        assert len(case.build().units) == len(case.build().axes)
+
+
 def test_linear_sensors_have_one_derivative():
     identity = np.eye(9)
     for sensor, H in (
