@@ -5,7 +5,9 @@ specific force along it. On a level way both are linear in the integrals of the 
 however the IMU is mounted, plus a constant times the time. An antenna at a distance l ahead of the rear axle has a
 course that is ahead of the heading by l/v times the turn rate: turn rates over speeds are fitted too, or they would
 look like an offset, and at a constant speed nothing tells the two apart. Fits by least squares at many offsets tell
-that of the smallest residuals; its standard error is that of the jackknife over blocks of the record.
+that of the smallest residuals. Its standard error is the larger one of that by the jackknife over blocks of the record,
+and that by the curvature of the likelihood: where all blocks tell the same minimum of several, the first is too small.
+Either is too small where the fit lacks something of the vehicle: trust an offset that several signals tell.
 """
 
 from dataclasses import dataclass
@@ -22,6 +24,9 @@ _STEP = 0.02
 
 _BLOCKS = 10
 """Of the jackknife."""
+
+_NEAR = 5
+"""Steps to each side of a minimum, for its curvature."""
 
 _MOVING = 1.5
 """m/s, from which a velocity has a course."""
@@ -151,8 +156,9 @@ def _offset(
     correlation = np.sqrt(np.clip(1 - residual / variance, 0.0, 1.0))
     value = _lowest(tried, residual)
     parts = np.array([_lowest(tried, _residual(whole - sums[:, b])) for b in range(_BLOCKS)])
-    se = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((parts - parts.mean()) ** 2))
-    return Offset(source, signal, tried, correlation, float(value), float(se), len(y))
+    jackknife = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((parts - parts.mean()) ** 2))
+    se = max(float(jackknife), _by_curvature(residual, len(y))) if np.isfinite(jackknife) else np.nan
+    return Offset(source, signal, tried, correlation, float(value), se, len(y))
 
 
 def _changes(signal: str, at: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -197,3 +203,11 @@ def _lowest(tried: np.ndarray, residual: np.ndarray) -> float:
     a, b, c = np.log(residual[k - 1 : k + 2])
     bend = a - 2 * b + c
     return float(tried[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0) * _STEP)
+
+
+def _by_curvature(residual: np.ndarray, num: int) -> float:
+    """Standard error of the offset of the smallest residuals: -log L is n/2 times their logarithm."""
+    k = int(np.clip(np.argmin(residual), _NEAR, len(residual) - 1 - _NEAR))
+    a, b, c = np.log(residual[[k - _NEAR, k, k + _NEAR]])
+    curvature = num / 2 * (a - 2 * b + c) / (_NEAR * _STEP) ** 2
+    return float(1 / np.sqrt(curvature)) if curvature > 0 else 0.0

@@ -132,14 +132,17 @@ class Inspection(Drawable):
         """``positions`` and ``velocities`` -> what is to be added to their times, s, and its standard error.
 
         The mean over the signals that tell it, by their standard errors; a source of which none does has no entry.
+        Where the signals disagree, its standard error is as much larger as they do (Birge 1932).
         """
         found = {}
         for source in dict.fromkeys(o.fixes for o in self.offsets):
             told = [o for o in self.offsets if o.fixes == source and _is_told(o)]
             if told:
                 weights = np.array([1 / max(o.se, 1e-6) ** 2 for o in told])
-                value = float(np.sum(weights * [o.value for o in told]) / weights.sum())
-                found[source] = (value, float(weights.sum() ** -0.5))
+                values = np.array([o.value for o in told])
+                value = np.sum(weights * values) / weights.sum()
+                misfit = np.sum(weights * (values - value) ** 2) / max(len(told) - 1, 1)
+                found[source] = (float(value), float(np.sqrt(max(misfit, 1.0) / weights.sum())))
         return found
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,11 +1,14 @@
 """What is in a record: simulated drives with rest, gaps, biases and clocks that are apart, all of them known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
 import nav_jax as nj
+from nav_jax.recorded.clocks import Offset
 
 RATE = 50.0
 BIAS = np.deg2rad([0.05, -0.1, 0.2])
@@ -120,3 +123,16 @@ def test_offsets_of_a_real_drive(shared):
     offsets = {name: value for name, (value, _) in found.time_offsets.items()}
     assert offsets["positions"] == pytest.approx(0.32, abs=0.04)
     assert offsets["positions"] - offsets["velocities"] == pytest.approx(0.125, abs=0.03)
+
+
+def test_signals_that_disagree_make_an_offset_less_sure():
+    """By the root of chi-square over its degrees of freedom, and not surer than they are where they agree."""
+    inspected, none = nj.recorded.inspect_record(*drive()), np.zeros(3)
+
+    def offsets(*values):
+        signals = zip(("turns", "speed"), values, strict=True)
+        told = tuple(Offset("positions", s, none, none + 0.9, v, 0.03, 99) for s, v in signals)
+        return replace(inspected, offsets=told).time_offsets["positions"]
+
+    assert offsets(0.1, 0.12) == pytest.approx((0.11, 0.03 / np.sqrt(2)))
+    assert offsets(0.0, 0.3) == pytest.approx((0.15, 0.15))
