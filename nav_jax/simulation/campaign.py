@@ -9,13 +9,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, typed_key
 from gmwm_jax._internal.chunks import numbered_keys
-from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.interrupts import AbandonableExecutor
 from gmwm_jax._internal.memory import require_memory
 from gmwm_jax._internal.progress import Progress, progress_bar
@@ -27,21 +25,16 @@ from nav_jax.filter.experiment import (
     gains_of,
     named_filters,
     run_filter,
-    run_keys,
 )
 from nav_jax.filter.history import histories
 from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
+from nav_jax.simulation._placement import placement
 from nav_jax.simulation.collected import Collected, run_chunk
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs, Track
-
-_SIZES = range(64, 129, 8)
-"""Runs in a chunk: whole vectors, and enough of them to pay for a step; more come back later when interrupted."""
-_SMOOTHER_BYTES = 1_000_000_000
-"""What the covariances of all chunks that are smoothed at once may take."""
 
 
 def monte_carlo(
@@ -56,6 +49,7 @@ def monte_carlo(
     smooth: bool = False,
     chunk_size: int | None = None,
     workers: int | None = None,
+    devices: Sequence[Any] | None = None,
     keep: Iterable[int] = (),
     progress: Progress = False,
 ) -> Runs:
@@ -71,7 +65,7 @@ def monte_carlo(
         What the filter believes of them; the truth if not given.
     name
         Of the filter in tables and figures.
-    num_runs, key, gains, smooth, chunk_size, workers, keep, progress
+    num_runs, key, gains, smooth, chunk_size, workers, devices, keep, progress
         See `compare`.
 
     Returns
@@ -103,6 +97,7 @@ def monte_carlo(
         smooth=smooth,
         chunk_size=chunk_size,
         workers=workers,
+        devices=devices,
         keep=keep,
         progress=progress,
     ).runs[name]
@@ -119,6 +114,7 @@ def compare(
     smooth: bool = False,
     chunk_size: int | None = None,
     workers: int | None = None,
+    devices: Sequence[Any] | None = None,
     keep: Iterable[int] = (),
     progress: Progress = False,
 ) -> Comparison:
@@ -142,10 +138,14 @@ def compare(
     smooth
         Judge the fixed-interval smoother, which uses all measurements of a run, in place of the filter.
     chunk_size
-        Runs computed at once. It changes speed and memory, not the numbers.
+        Runs computed at once, on each device: on a GPU as many as find room unless told otherwise. It changes speed and
+        memory, and the last bits of the numbers.
     workers
         Threads; as many as cores that the process may use (or as the environment variable ``GMWM_JAX_NUM_THREADS``
-        says) unless told otherwise, one on a GPU.
+        says) unless told otherwise, one on a GPU and where devices are stated.
+    devices
+        Over which the runs of a chunk are spread, such as ``jax.devices()``; JAX's default device alone if not given.
+        It changes no bit of the numbers.
     keep
         Numbers of runs whose whole trajectory is kept.
     progress
@@ -161,7 +161,7 @@ def compare(
     ------
     ValueError
         Rates that differ, a recording as the truth and no filter, a number out of range; trajectories to keep of a
-        smoother.
+        smoother; several threads for several devices.
     TypeError
         The key is an integer or of the old kind.
 
@@ -189,23 +189,20 @@ def compare(
     if kept and kept[-1] >= num_runs:
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
     setup = Setup(scenario, check_rates(truth, filters))
-    on_cpu = jax.default_backend() == "cpu"
     _require_runs(setup, len(filters), num_runs)
-    workers = (num_threads() if on_cpu else 1) if workers is None else integer("workers", workers, 1)
-    size = _chunk_size(num_runs, workers) if chunk_size is None else integer("chunk_size", chunk_size, 1)
     on_reference = gains == "reference"
-    if smooth and chunk_size is None and not on_reference:
-        most = max(len(f.states) for f in filters.values())
-        size = min(size, _smoothed_at_once(setup, NAVIGATION.size + most, workers))
+    states = NAVIGATION.size + max(len(f.states) for f in filters.values())
+    how = {"chunk_size": chunk_size, "workers": workers, "devices": devices}
+    place = placement(setup, states, num_runs, **how, covariances=smooth and not on_reference)
+    size = place.size
     shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
-        # the last chunk is filled up with runs that nobody asked for: another size would compile again
         of = {name: filters[name] for name in names}
-        return run_chunk(setup, truth, of, run_keys(key, chunk * size, (chunk + 1) * size), shared, smooth=smooth)
+        return run_chunk(setup, truth, of, place.keys(key, chunk), shared, smooth=smooth)
 
     collected = {name: Collected(setup, num_runs) for name in filters}
-    done = _run_chunks(task, list(filters), -(-num_runs // size), workers, progress, collected, size)
+    done = _run_chunks(task, list(filters), -(-num_runs // size), place.workers, progress, collected, size)
     finished = min(num_runs, done * size)
     if not finished:
         raise KeyboardInterrupt("Interrupted before the first chunk of runs was done.")
@@ -277,21 +274,6 @@ def _collect(waiting: dict, collected: dict, complete: np.ndarray, names: list[s
             collected[name].take(chunk * size, output)
             complete[chunk, names.index(name)] = True
             bar.update(size)
-
-
-def _chunk_size(num_runs: int, workers: int) -> int:
-    """The size with as many chunks for each thread, and as few runs as may be that only fill up the last."""
-    each = -(-num_runs // workers)
-    step, smallest = _SIZES.step, _SIZES[0]
-    if each <= smallest:
-        return -(-each // step) * step
-    return min(_SIZES, key=lambda size: (-(-each // size) * size, size))
-
-
-def _smoothed_at_once(setup: Setup, num_states: int, workers: int) -> int:
-    """Runs whose covariances and transitions a smoother can keep in memory."""
-    each = 2 * 8 * setup.schedule.pattern.shape[0] * num_states**2
-    return max(1, _SMOOTHER_BYTES // (each * workers))
 
 
 def _tracks(
