@@ -54,13 +54,14 @@ nav-jax design comparison.toml --max-accel 1 --max-gyro 1 --confirm 1000 --out r
 ```
 
 `nav-jax align drive.toml` finds roll, pitch and heading with their standard deviations, by a section [align] with
-``motion = "at rest"`` or ``"moving"``. `nav-jax inspect drive.toml` says on one page what is in a record: rates, gaps,
-rest, gravity, tilt, the course at the start, and by how much clocks are apart. A recorded drive is navigated by
-`nav-jax navigate drive.toml --out results --save drive.npz --export track.kml` (all of it for `nav_jax.load`; the
-track as .kml, .gpx, .csv or .npz), and the noise parameters that make its innovations most likely are sought by
-`nav-jax tune drive.toml --out results`. Whether the noise of the sensors at rest holds in motion says
-`nav-jax vibration drive.toml`, with the lines for [run] where it does not. How far off it is after 15 s without fixes,
-simulated every minute, says `nav-jax outages drive.toml --last 15 --every 60`:
+``motion = "at rest"`` or ``"moving"``; all commands for drives begin there if [initial] has ``align = true``. `nav-jax
+inspect drive.toml` says on one page what is in a record: rates, gaps, rest, gravity, tilt, the course at the start, and
+by how much clocks are apart. A recorded drive is navigated by `nav-jax navigate drive.toml --out results --save
+drive.npz --export track.kml` (all of it for `nav_jax.load`; the track as .kml, .gpx, .csv or .npz), and the noise
+parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out results`. Whether the
+noise of the sensors at rest holds in motion says `nav-jax vibration drive.toml`, with the lines for [run] where it does
+not. How far off it is after 15 s without fixes, simulated every minute, says `nav-jax outages drive.toml --last 15
+--every 60`:
 
 ```toml
 [record]

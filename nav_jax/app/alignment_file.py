@@ -9,9 +9,10 @@ import numpy as np
 
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, from_toml, place
 from nav_jax.app.record_file import FIXES, SECTIONS, RecordRunSection, RecordSection
+from nav_jax.app.record_start import aligned
 from nav_jax.app.sections import AlignSection
-from nav_jax.recorded.at_rest import StartAtRest, align_at_rest
-from nav_jax.recorded.on_the_move import StartOnTheMove, align_on_the_move
+from nav_jax.recorded.at_rest import StartAtRest
+from nav_jax.recorded.on_the_move import StartOnTheMove
 
 _OF_RECEIVERS = ("lever_arm", "averaged")
 """Keys of a receiver that hold unless [align] has them."""
@@ -35,7 +36,7 @@ def _aligned(tables: Mapping[str, Any], folder: Path) -> StartAtRest | StartOnTh
     record = checked(RecordSection, tables["record"], "[record]")
     listed = aiding_sections(tables.get("aiding", []), FIXES)
     with place("[align]"):
-        options = asked.arguments()
+        asked.arguments()  # before any file is read
     with place("[record]"):
         imu = record.build(folder)
     gnss, receiver = None, {}
@@ -48,11 +49,4 @@ def _aligned(tables: Mapping[str, Any], folder: Path) -> StartAtRest | StartOnTh
     with place("[run]"):
         earth = run.build_earth(origin, "[record]")
     with place("[align]"):
-        if asked.motion == "at rest":
-            there = {} if record.position is None else {"position": record.position}
-            return align_at_rest(imu, **there, **options, earth=earth)
-        if gnss is None:
-            raise ValueError(
-                "an alignment on the move needs the file of a GNSS receiver in [[aiding]], and there is none."
-            )
-        return align_on_the_move(imu, gnss, **{**receiver, **options}, earth=earth)
+        return aligned(asked, imu, gnss, receiver, record.position, earth)

@@ -2,8 +2,8 @@
 
 Sections: ``[record]`` (the IMU, its mounting, and where the record starts), ``[filters.NAME]`` (models, as in a
 comparison), ``[[aiding]]`` (sensors with the file of their fixes), ``[initial]`` (how well the start is known),
-``[reference]`` (a trajectory to be compared with), ``[run]``, ``[output]``. Files that they name are looked for beside
-the configuration.
+``[align]`` (how it is found, where [initial] has ``align = true``), ``[reference]`` (a trajectory to be compared with),
+``[run]``, ``[output]``. Files that they name are looked for beside the configuration.
 """
 
 import os
@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 from pydantic import Field, create_model
@@ -23,15 +22,17 @@ from gmwm_jax._internal.tabular import open_source
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractReceiver, Gnss, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
+from nav_jax.app.record_start import Begun, Stated, begun
 from nav_jax.app.sections import (
     AIDING,
     Aiding,
+    AlignSection,
     Angle,
     FolderSection,
     Frequency,
-    InitialSection,
     Length,
     OfEarth,
+    RecordInitialSection,
     Section,
     Speed,
     Time,
@@ -41,9 +42,8 @@ from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.imu.vibration import VibrationNoise
-from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import AbstractEarth
-from nav_jax.recorded.alignment import Start, align_by_course, between, mounted, turned
+from nav_jax.recorded.alignment import between, mounted, turned
 from nav_jax.recorded.files import read_fixes, read_imu, read_samples
 from nav_jax.recorded.gnss.reading import read_gnss
 from nav_jax.recorded.gnss.record import GnssRecord
@@ -107,6 +107,11 @@ class RecordSection(Section):
     attitude: Annotated[tuple[Angle, Angle, Angle], Three] | None = None
     course_speed: Speed | None = None
     origin: Annotated[tuple[Angle, Angle, Length], Three] | None = None
+
+    @property
+    def stated(self) -> Stated:
+        """What is said of the start."""
+        return Stated(self.position, self.velocity, self.attitude, self.course_speed)
 
     def build(self, folder: Path) -> Imu:
         """Along the axes of the body, from start to end."""
@@ -379,7 +384,8 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
     # all sections are checked before the first file is read
     run = checked(RecordRunSection, tables.get("run", {}), "[run]")
     output = checked(RecordOutputSection, tables.get("output", {}), "[output]")
-    start = checked(InitialSection, tables["initial"], "[initial]")
+    start = checked(RecordInitialSection, tables["initial"], "[initial]")
+    asked = checked(AlignSection, tables["align"], "[align]") if "align" in tables else None
     record = checked(RecordSection, tables["record"], "[record]")
     compared = checked(ReferenceSection, tables["reference"], "[reference]") if "reference" in tables else None
     believed = filter_sections(tables["filters"])
@@ -396,26 +402,29 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
     read = _Fixes(record, listed, folder)
     with place("[run]"):
         earth = run.build_earth(read.origin, "[record]")
-    with place("[record]"):
-        imu, begin = _start(record, imu, read, _gravity(earth, read))
-    fixes, notes = _within(read, imu)
     with place("[initial]"):
-        initial = InitialUncertainty(**start.given())
+        sure = _sure(start, asked)
+    with place("[align]" if start.align else "[record]"):
+        begin = begun(record.stated, sure, imu, read.records, read.fixes, earth)
+    fixes, notes = _within(read, begin)
     reference = None
     if compared is not None:
         with place("[reference]"):
             reference = compared.read(folder, read.origin)
     utc = next((r.utc for r in read.records if r is not None and r.utc is not None), None)
     return RecordConfig(
-        imu, fixes, known, begin.position, begin.velocity, begin.quaternion, initial, earth, reference, read.origin,
-        utc, notes, run, output,
+        begin.imu, fixes, known, begin.start.position, begin.start.velocity, begin.start.quaternion, begin.initial,
+        earth, reference, read.origin, utc, (*begin.notes, *notes), run, output,
     )  # fmt: skip
 
 
-def _gravity(earth: AbstractEarth, read: "_Fixes") -> float:
-    """Where the first fix is, m/s^2."""
-    there = next((r.position[:1].T for r in read.records if r is not None), np.zeros((3, 1)))
-    return float(np.linalg.norm(earth.gravity_n(jnp.asarray(there))))
+def _sure(start: RecordInitialSection, asked: AlignSection | None) -> InitialUncertainty | AlignSection:
+    """How well the start is known, or how to find it."""
+    if not start.align:
+        return InitialUncertainty(**start.given("align"))
+    if asked is None:
+        raise ValueError("align = true, and there is no section [align] that says how.")
+    return asked
 
 
 class _Fixes:
@@ -435,36 +444,14 @@ class _Fixes:
                 self.records.append(None if gnss is None else gnss.shifted(offset))
 
 
-def _start(record: RecordSection, imu: Imu, read: _Fixes, gravity: float) -> tuple[Imu, Start]:
-    """The record from where it starts, and what is known there."""
-    time = float(imu.time[0])
-    if record.attitude is not None and record.velocity is not None:
-        quaternion = np.asarray(rotation.quat_from_euler(np.array(record.attitude)))
-        position = np.zeros(3) if record.position is None else np.array(record.position)
-        return imu, Start(time, position, np.array(record.velocity), quaternion)
-    gnss = next((r for r in read.records if r is not None), None)
-    if gnss is None:
-        raise ValueError(
-            "the keys 'velocity' and 'attitude' are missing, and no file of a GNSS receiver in [[aiding]] tells where "
-            "the vehicle heads."
-        )
-    speed = {} if record.course_speed is None else {"speed": record.course_speed}
-    begin = align_by_course(imu, gnss, gravity=gravity, **speed)
-    position = begin.position if record.position is None else np.array(record.position)
-    velocity = begin.velocity if record.velocity is None else np.array(record.velocity)
-    arm = next((f.sensor.lever_arm for f in read.fixes if isinstance(f.sensor, AbstractReceiver)), None)
-    if arm is not None and record.position is None:  # fixes are those of the antenna
-        q = jnp.asarray(begin.quaternion)[:, None]
-        position = position - np.asarray(rotation.rotate(q, jnp.asarray(arm)[:, None]))[:, 0]
-    return between(imu, begin.time), replace(begin, position=position, velocity=velocity)
-
-
-def _within(read: _Fixes, imu: Imu) -> tuple[list[Fixes], tuple[str, ...]]:
+def _within(read: _Fixes, begin: Begun) -> tuple[list[Fixes], tuple[str, ...]]:
     """The fixes while the IMU is there, and how many are left out."""
     kept, notes = [], []
-    first, last = imu.epochs[0], imu.epochs[-1]
+    first, last = begin.imu.epochs[0], begin.imu.epochs[-1]
     for i, fixes in enumerate(read.fixes):
         inside = (fixes.time >= first) & (fixes.time <= last)
+        if begin.used_until is not None and isinstance(fixes.sensor, AbstractReceiver):
+            inside &= fixes.time > begin.used_until + 1e-6 / begin.imu.rate
         with place(f"[[aiding]] {i + 1}"):
             if not inside.any():
                 raise ValueError(

@@ -14,7 +14,7 @@ from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from gmwm_jax.units import STANDARD_GRAVITY, convert, names
 from nav_jax.aiding.base import AbstractAiding, Setting
@@ -324,8 +324,23 @@ class InitialSection(Section):
     attitude_sd: Annotated[PerAxis, _axes_in("rad")] = 0.0
 
 
+class RecordInitialSection(InitialSection):
+    """The same, or ``align = true``: the start of a record and how well it is known are those that [align] finds."""
+
+    align: bool = False
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "RecordInitialSection":
+        if self.align and (stated := sorted(self.model_fields_set - {"align"})):
+            raise ValueError(f"align = true says how well the start is known: leave out {', '.join(stated)}.")
+        return self
+
+
 class AlignSection(Section):
-    """``motion = "moving"`` or ``"at rest"``: arguments of `align_on_the_move`, or of `align_at_rest`."""
+    """``motion = "moving"`` or ``"at rest"``: arguments of `align_on_the_move`, or of `align_at_rest`.
+
+    ``window`` is the length of either, in s from the beginning; at rest the whole record unless it is given.
+    """
 
     motion: Literal["moving", "at rest"]
     window: Time | None = None
@@ -342,11 +357,11 @@ class AlignSection(Section):
 
     def arguments(self) -> dict[str, Any]:
         """Those that are given, all of them of the alignment that is asked for."""
-        still = ("position_sd", "accel_bias_sd", "gyro_bias_sd", "yaw", "yaw_sd")
+        still = ("window", "position_sd", "accel_bias_sd", "gyro_bias_sd", "yaw", "yaw_sd")
         known = (
             still
             if self.motion == "at rest"
-            else [k for k in type(self).model_fields if k not in ("motion", *still[3:])]
+            else [k for k in type(self).model_fields if k not in ("motion", "yaw", "yaw_sd")]
         )
         given = self.given("motion")
         if wrong := sorted(set(given) - set(known)):

@@ -1,6 +1,7 @@
 """The command align: a record at rest and one on the move, whose attitudes are known, and bad input."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pymap3d
@@ -100,8 +101,85 @@ def test_what_is_wrong_is_said(tmp_path):
     drive = moving.car()
     for text, said in (
         ('motion = "moving"\n', "needs the file of a GNSS receiver"),
-        ('motion = "at rest"\nwindow = 20.0\n', "window is no argument of motion"),
+        ('motion = "at rest"\naveraged = 20.0\n', "averaged is no argument of motion"),
         ('motion = "flying"\n', "[align]"),
         ("window = 20.0\n", "motion"),
     ):
         assert said in call("align", written(tmp_path, drive, text), code=2).stderr
+
+
+MODELS = """
+[filters.car]
+rate = 50.0
+accel = "WN(sigma2=0.0001) + RW(gamma2=1e-8)"
+gyro = "WN(sigma2=1e-6) + RW(gamma2=1e-12)"
+accel_bias_sd = "2 mg"
+gyro_bias_sd = "0.1 deg/s"
+
+[run]
+output_interval = 1.0
+"""
+ALIGNED = "[initial]\nalign = true\n" + MODELS
+
+
+def navigated(config, tmp_path):
+    call("navigate", config, "--json", tmp_path / "n.json", "--save", tmp_path / "n.npz")
+    return json.loads((tmp_path / "n.json").read_text()), nj.load(tmp_path / "n.npz")
+
+
+def error_of(solution, drive):
+    """Angle between the attitude of a solution and the true one at each of its epochs, rad."""
+    e = solution.trajectory
+    true = Rotation.from_matrix(drive.C[np.rint((e.time - TOW) * moving.RATE).astype(int)])
+    return (true.inv() * Rotation.from_quat(np.roll(e.quaternion, -1, axis=1))).magnitude()
+
+
+def test_navigation_starts_where_an_alignment_on_the_move_ends(tmp_path):
+    """Of a record with the biases of a car's gyros, along whose course nothing tells how the IMU is mounted."""
+    drive = moving.car(duration=45.0)
+    bias = np.array([0.002, -0.001, 0.0015])
+    drive = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro + bias))
+    content, solution = navigated(written(tmp_path, drive, MOVING + ALIGNED), tmp_path)
+    assert solution.trajectory.time[0] == TOW + 30.0
+    assert error_of(solution, drive).max() < np.deg2rad(0.5)
+    said = " ".join(content["notes"])
+    assert "the alignment on the move ends" in said
+    found = [float(x) for x in said.split("off the gyro: ")[1].split(" deg/h")[0].split(",")]
+    np.testing.assert_allclose(found, np.rad2deg(bias) * 3600, rtol=0, atol=np.rad2deg(1e-4) * 3600)
+    # the fixes up to the start were used by the alignment, and are not used again
+    assert solution.fixes[0].time[0] == TOW + 30.5
+
+
+def test_navigation_starts_where_the_vehicle_stood(tmp_path):
+    drive = moving.turned(*nj.perfect_imu(nj.motions.static(duration=12.0, rate=moving.RATE)), (0.1, -0.05, 0.4))
+    drive = replace(drive, imu=replace(drive.imu, gyro=drive.imu.gyro + 0.001))
+    rest = 'motion = "at rest"\nwindow = 8.0\nyaw = 0.4\nyaw_sd = "1 deg"\naccel_bias_sd = "1 mg"\n'
+    receiver = '[[aiding]]\ntype = "gnss_position"\nfile = "gnss.pos"\n'
+    content, solution = navigated(written(tmp_path, drive, rest + receiver + ALIGNED), tmp_path)
+    assert solution.trajectory.time[0] == TOW + 8.0
+    assert error_of(solution, drive).max() < 1e-3
+    assert "off the gyro: 206.3, 206.3, 206.3 deg/h" in " ".join(content["notes"])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (MOVING + "[initial]\nalign = true\nposition_sd = 1.0\n" + MODELS, "leave out position_sd"),
+        ('motion = "at rest"\nyaw = 0.0\nyaw_sd = 0.1\n' + ALIGNED, "needs window"),
+    ],
+)
+def test_starts_that_contradict_themselves(tmp_path, text, said):
+    assert said in call("navigate", written(tmp_path, moving.car(), text), code=2).stderr
+
+
+def test_an_alignment_that_is_not_there(tmp_path):
+    config = written(tmp_path, moving.car(), "")
+    text = config.read_text().replace("[align]\n", "") + ALIGNED
+    config.write_text(text)
+    assert "no section [align]" in call("navigate", config, code=2).stderr
+    config.write_text(
+        text.replace("[initial]", "[align]\nmotion = 'moving'\n[initial]").replace(
+            "[record]\n", "[record]\nvelocity = [1.0, 0.0, 0.0]\n"
+        )
+    )
+    assert "leave one out" in call("navigate", config, code=2).stderr
