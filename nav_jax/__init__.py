@@ -82,6 +82,7 @@ if _TYPE_CHECKING:
     from nav_jax.recorded import read_gnss as read_gnss
     from nav_jax.recorded import read_imu as read_imu
     from nav_jax.recorded import tune as tune
+    from nav_jax.simulation import Precision as Precision
     from nav_jax.simulation import compare as compare
     from nav_jax.simulation import monte_carlo as monte_carlo
     from nav_jax.trajectory import Trajectory as Trajectory

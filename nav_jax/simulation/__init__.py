@@ -31,3 +31,6 @@ from nav_jax.simulation.levels import two_level as two_level
 from nav_jax.simulation.ranking import Ranking as Ranking
 from nav_jax.simulation.runs import Runs as Runs
 from nav_jax.simulation.runs import Track as Track
+from nav_jax.simulation.stopping import Anytime as Anytime
+from nav_jax.simulation.stopping import Precision as Precision
+from nav_jax.simulation.stopping import Significant as Significant

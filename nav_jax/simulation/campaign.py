@@ -29,12 +29,14 @@ from nav_jax.filter.experiment import (
 from nav_jax.filter.history import histories
 from nav_jax.filter.layout import NAVIGATION
 from nav_jax.filter.scenario import Scenario
+from nav_jax.filter.status import Status
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.simulation._placement import placement
 from nav_jax.simulation.collected import Collected, run_chunk
 from nav_jax.simulation.comparison import Comparison
-from nav_jax.simulation.runs import Runs, Track
+from nav_jax.simulation.runs import Runs, Track, judged_epoch
+from nav_jax.simulation.stopping import Rule, Stopped, Watch, rule_of
 
 
 def monte_carlo(
@@ -51,6 +53,7 @@ def monte_carlo(
     workers: int | None = None,
     devices: Sequence[Any] | None = None,
     keep: Iterable[int] = (),
+    stop: Rule | str | None = None,
     progress: Progress = False,
 ) -> Runs:
     """Run one filter many times along a reference, each time with new noise.
@@ -65,7 +68,7 @@ def monte_carlo(
         What the filter believes of them; the truth if not given.
     name
         Of the filter in tables and figures.
-    num_runs, key, gains, smooth, chunk_size, workers, devices, keep, progress
+    num_runs, key, gains, smooth, chunk_size, workers, devices, keep, stop, progress
         See `compare`.
 
     Returns
@@ -99,6 +102,7 @@ def monte_carlo(
         workers=workers,
         devices=devices,
         keep=keep,
+        stop=stop,
         progress=progress,
     ).runs[name]
 
@@ -116,6 +120,7 @@ def compare(
     workers: int | None = None,
     devices: Sequence[Any] | None = None,
     keep: Iterable[int] = (),
+    stop: Rule | str | None = None,
     progress: Progress = False,
 ) -> Comparison:
     """Compare filters that believe different noise models on the same runs.
@@ -148,6 +153,10 @@ def compare(
         It changes no bit of the numbers.
     keep
         Numbers of runs whose whole trajectory is kept.
+    stop
+        ``significant``, ``anytime``, or a rule such as ``nj.Precision(position=0.01)``, see `nav_jax.simulation`: stop
+        when filters are told apart, or when means are known as well as that; `num_runs` is then the largest number. The
+        table takes account of it.
     progress
         Show a bar (needs the extra ``app``); or a function of what is done and the total, which may cancel by
         raising.
@@ -161,7 +170,7 @@ def compare(
     ------
     ValueError
         Rates that differ, a recording as the truth and no filter, a number out of range; trajectories to keep of a
-        smoother; several threads for several devices.
+        smoother; several threads for several devices; a rule that compares filters, and one filter.
     TypeError
         The key is an integer or of the old kind.
 
@@ -183,6 +192,7 @@ def compare(
     if gains not in GAINS:
         raise ValueError(f"gains is one of {', '.join(GAINS)}, and is {gains!r}.")
     num_runs = integer("num_runs", num_runs, 1)
+    rule = rule_of(stop, len(filters))
     kept = sorted({integer("A run to keep", i, 0) for i in keep})
     if kept and smooth:
         raise ValueError("Trajectories that are kept are those of the filter: keep them without smooth=True.")
@@ -202,16 +212,39 @@ def compare(
         return run_chunk(setup, truth, of, place.keys(key, chunk), shared, smooth=smooth)
 
     collected = {name: Collected(setup, num_runs) for name in filters}
-    done = _run_chunks(task, list(filters), -(-num_runs // size), place.workers, progress, collected, size)
+    watch = None if rule is None else _watch(rule, setup, collected, num_runs)
+
+    def look(chunks: int) -> Stopped | None:
+        return None if watch is None else watch(min(num_runs, chunks * size))
+
+    done = _run_chunks(task, list(filters), -(-num_runs // size), place.workers, progress, collected, size, look)
     finished = min(num_runs, done * size)
     if not finished:
         raise KeyboardInterrupt("Interrupted before the first chunk of runs was done.")
+    stopped = look(done)
+    if stopped is not None:
+        finished = num_runs = stopped.looks[-1]
     keeps = [i for i in kept if i < finished]
     runs = {}
     for name, f in filters.items():
         tracks = _tracks(setup, truth, f, key, keeps, on_reference=on_reference)
         runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
-    return Comparison(setup.reference, runs, truth=repr(truth))
+    return Comparison(setup.reference, runs, truth=repr(truth), stopped=stopped)
+
+
+def _watch(
+    rule: Rule, setup: Setup, collected: Mapping[str, Collected], num_runs: int
+) -> Callable[[int], Stopped | None]:
+    """What a rule says when so many runs are there."""
+    fixes = dict(zip((s.name for s in setup.aiding), setup.fix_times, strict=True))
+    epoch = judged_epoch(setup.output_times, setup.outages, fixes)
+    watch = Watch(rule, num_runs, float(setup.output_times[epoch]))
+
+    def look(count: int) -> Stopped | None:
+        error = {name: c.error[:count, epoch, :3] for name, c in collected.items()}
+        return watch.look(count, error, {name: c.status[:count] == Status.ok for name, c in collected.items()})
+
+    return look
 
 
 def require_runs(scenario: Scenario, rate: float, num_filters: int, num_runs: int) -> None:
@@ -239,8 +272,9 @@ def _run_chunks(
     progress: Progress,
     collected: dict[str, Collected],
     size: int,
+    enough: Callable[[int], object],
 ) -> int:
-    """Run all chunks; returns how many, from the first on, are complete."""
+    """Run all chunks, or as many as are enough; returns how many, from the first on, are complete."""
     # Every filter compiles a program of its own: the first chunk goes filter by filter, so that they compile at once.
     jobs = [(0, [name]) for name in names] + [(chunk, names) for chunk in range(1, num_chunks)]
     complete = np.zeros((num_chunks, len(names)), dtype=bool)
@@ -253,7 +287,9 @@ def _run_chunks(
             waiting[pool.submit(task, chunk, of)] = chunk
             if len(waiting) >= 2 * workers:
                 _collect(waiting, collected, complete, names, size, bar)
-        while waiting:
+            if enough(_leading(complete)):
+                break
+        while waiting and not enough(_leading(complete)):
             _collect(waiting, collected, complete, names, size, bar)
         ended = True
     except KeyboardInterrupt:
@@ -262,8 +298,13 @@ def _run_chunks(
         # a chunk that is compiled or computed cannot be stopped, and is not waited for by who wants to stop
         pool.shutdown(wait=ended, cancel_futures=True)
         bar.close()
+    return _leading(complete)
+
+
+def _leading(complete: np.ndarray) -> int:
+    """Chunks that are complete, from the first on."""
     whole = complete.all(axis=1)
-    return int(num_chunks if whole.all() else np.argmin(whole))
+    return int(len(whole) if whole.all() else np.argmin(whole))
 
 
 def _collect(waiting: dict, collected: dict, complete: np.ndarray, names: list[str], size: int, bar: Any) -> None:

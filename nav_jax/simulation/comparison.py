@@ -1,5 +1,6 @@
 """Several filter models on the same runs: ranked, drawn, and written to disk."""
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
@@ -9,10 +10,11 @@ import numpy as np
 from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.saved import AsDataset
-from gmwm_jax._internal.states import saved
+from gmwm_jax._internal.states import State, from_state, saved, to_state
 from nav_jax.simulation._dataset import join_models, runs_to_dataset
 from nav_jax.simulation.ranking import Ranking, common_runs, rank
 from nav_jax.simulation.runs import Runs
+from nav_jax.simulation.stopping import Stopped
 from nav_jax.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ COMPARISON_KIND = "nav_jax comparison"
 _REFERENCE = {"position": ("axis", "m"), "velocity": ("axis", "m/s"), "quaternion": ("quaternion", "1")}
 
 
-@saved()
+@saved(added=("stopped",))
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Drawable, AsDataset):
     """Several filters on common random numbers: run i of each has the same truth and the same noise.
@@ -36,6 +38,8 @@ class Comparison(Drawable, AsDataset):
         By name of the model. Epochs and fixes are the same; an interrupted model may have fewer runs.
     truth
         What the sensors' errors were drawn from, in words.
+    stopped
+        By which rule the runs ended, if by one.
 
     Raises
     ------
@@ -48,6 +52,7 @@ class Comparison(Drawable, AsDataset):
     reference: Trajectory
     runs: Mapping[str, Runs]
     truth: str = ""
+    stopped: Stopped | None = None
 
     def __post_init__(self) -> None:
         if not self.runs:
@@ -97,7 +102,7 @@ class Comparison(Drawable, AsDataset):
         ValueError
             Fewer than two common runs, or a time outside the runs.
         """
-        return rank(self.runs, self.epoch(at), level)
+        return rank(self.runs, self.epoch(at), level, self.stopped)
 
     def plot(
         self, *, at: float | None = None, level: float = 0.95, log: bool = True, axes: GivenAxes | None = None
@@ -156,7 +161,8 @@ class Comparison(Drawable, AsDataset):
         for name, (last, unit) in _REFERENCE.items():
             joined[f"reference_{name}"] = (("reference_time", last), getattr(ref, name), {"units": unit})
         origin = {} if ref.origin is None else {"origin": ref.origin.tolist()}
-        return joined.assign_attrs(kind=COMPARISON_KIND, truth=self.truth, reference=ref.name, **origin)
+        ended = {} if self.stopped is None else {"stopped": json.dumps(to_state(self.stopped).tree)}
+        return joined.assign_attrs(kind=COMPARISON_KIND, truth=self.truth, reference=ref.name, **origin, **ended)
 
     @classmethod
     def from_xarray(cls, dataset: "xarray.Dataset") -> "Comparison":
@@ -166,7 +172,9 @@ class Comparison(Drawable, AsDataset):
             arrays = {name: dataset[f"reference_{name}"].values for name in ("time", *_REFERENCE)}
             reference = Trajectory(**arrays, name=dataset.attrs["reference"], origin=dataset.attrs.get("origin"))
             truth = dataset.attrs["truth"]
-        except (KeyError, TypeError) as error:
+            ended = dataset.attrs.get("stopped")
+            stopped = None if ended is None else from_state(State(json.loads(ended), {}))
+        except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"This Dataset is not one that Comparison.to_xarray made: {error}.") from error
         runs = {name: Runs.from_xarray(dataset.isel(model=i)) for i, name in enumerate(names)}
-        return cls(reference, runs, truth)
+        return cls(reference, runs, truth, stopped)

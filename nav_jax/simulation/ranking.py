@@ -10,7 +10,9 @@ import numpy as np
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.layout import ATTITUDE
 from nav_jax.simulation.runs import Runs
+from nav_jax.simulation.stopping import AbstractTest, Stopped, score
 from nav_jax.statistics.energy import energy_score
+from nav_jax.statistics.sequential import student_score
 from nav_jax.statistics.summaries import Paired, coverage, holm, mean_curve, mean_nees, mean_norm, paired, rms
 
 _SIZE = 0.05
@@ -85,12 +87,15 @@ class Ranking(Sequence[Standing]):
         Runs in which no ranked model failed: the ones compared.
     level
         Of bands and intervals.
+    stopped
+        By which rule the runs ended, if by one.
     """
 
     standings: tuple[Standing, ...]
     time: float
     num_runs: int
     level: float
+    stopped: Stopped | None = None
 
     def __len__(self) -> int:
         return len(self.standings)
@@ -134,11 +139,14 @@ class Ranking(Sequence[Standing]):
             lines += ["", format_table([*head, "verdict".ljust(width)], rows)]
             pairs = len(others) * (len(others) + 1) // 2
             if pairs > 1:
-                lines.append(f"p: Holm over all {pairs} pairs of models, as the best is chosen by these data")
+                by = "Holm" if _test_of(self.stopped, self.time) is None else "Bonferroni"
+                lines.append(f"p: {by} over all {pairs} pairs of models, as the best is chosen by these data")
             lines.append(f"{best}: {self[best].verdict}")
         for one in self.standings:
             if one.num_good < 2:
                 lines.append(f"{one.model}: {one.verdict}")
+        if self.stopped is not None:
+            lines.append(self.stopped.said(self.time))
         return "\n".join(lines)
 
     def _row(self, one: Standing) -> list[str]:
@@ -166,7 +174,7 @@ def common_runs(runs: Mapping[str, Runs]) -> np.ndarray:
     return np.flatnonzero(np.logical_and.reduce([r.good[:least] for r in ranked]))
 
 
-def rank(runs: Mapping[str, Runs], epoch: int, level: float = 0.95) -> Ranking:
+def rank(runs: Mapping[str, Runs], epoch: int, level: float = 0.95, stopped: Stopped | None = None) -> Ranking:
     """Compare models at one epoch.
 
     Parameters
@@ -177,6 +185,9 @@ def rank(runs: Mapping[str, Runs], epoch: int, level: float = 0.95) -> Ranking:
         Number of the epoch.
     level
         Of bands, intervals and coverage.
+    stopped
+        By which rule the runs ended. If that was a test at this epoch, intervals of differences and p values are those
+        that hold for all its looks.
 
     Raises
     ------
@@ -198,9 +209,15 @@ def rank(runs: Mapping[str, Runs], epoch: int, level: float = 0.95) -> Ranking:
         distances[name] = np.linalg.norm(r.error[chosen, epoch, :3], axis=-1)
         standings.append(_standing(name, r, chosen, epoch, level))
     standings.sort(key=lambda one: (np.isnan(one.mean_position), one.mean_position))
-    judged = _judge(standings, distances, level)
     time = float(next(iter(runs.values())).time[epoch])
-    return Ranking(tuple(judged), time, len(chosen), level)
+    judged = _judge(standings, distances, level, None if _test_of(stopped, time) is None else stopped)
+    return Ranking(tuple(judged), time, len(chosen), level, stopped)
+
+
+def _test_of(stopped: Stopped | None, time: float) -> AbstractTest | None:
+    """The test that ended the runs, if it was of the errors at that time."""
+    rule = None if stopped is None or stopped.time != time else stopped.rule
+    return rule if isinstance(rule, AbstractTest) else None
 
 
 def _standing(name: str, r: Runs, chosen: np.ndarray, epoch: int, level: float) -> Standing:
@@ -238,16 +255,24 @@ def _standing(name: str, r: Runs, chosen: np.ndarray, epoch: int, level: float) 
     )
 
 
-def _judge(standings: Sequence[Standing], distances: Mapping[str, np.ndarray], level: float) -> list[Standing]:
+def _judge(
+    standings: Sequence[Standing], distances: Mapping[str, np.ndarray], level: float, stopped: Stopped | None
+) -> list[Standing]:
     """Put the tests in: of all pairs, since the data choose which one is the best."""
     ranked = [one.model for one in standings if one.model in distances]
     pairs = list(combinations(ranked, 2))
     if not pairs:
         return list(standings)
-    tests = {(a, b): paired(distances[b], distances[a], level) for a, b in pairs}
-    corrected = dict(zip(pairs, holm(np.array([tests[pair].p for pair in pairs])), strict=True))
     best, *others = ranked
-    beaten = [other for other in others if corrected[best, other] < _SIZE]
+    if stopped is None:
+        size, told = _SIZE, "would need ~{} runs"
+        tests = {(a, b): paired(distances[b], distances[a], level) for a, b in pairs}
+        corrected = dict(zip(pairs, holm(np.array([tests[pair].p for pair in pairs])), strict=True))
+    else:
+        size, told = stopped.rule.alpha, "one test would need ~{} runs"  # type: ignore[union-attr]
+        tests = {(best, b): _after_looks(distances[b] - distances[best], level, stopped) for b in others}
+        corrected = {pair: min(1.0, len(pairs) * test.p) for pair, test in tests.items()}
+    beaten = [other for other in others if corrected[best, other] < size]
     judged = []
     for one in standings:
         found: dict[str, Any] = {}
@@ -255,16 +280,28 @@ def _judge(standings: Sequence[Standing], distances: Mapping[str, np.ndarray], l
             found["verdict"] = f"better than {', '.join(beaten)}" if beaten else "not distinguishable from any other"
         elif one.model in others:
             p = float(corrected[best, one.model])
-            if p < _SIZE:
+            if p < size:
                 verdict = f"worse than {best}"
             else:  # at the size that one of so many tests has
-                strict = paired(distances[one.model], distances[best], 1 - _SIZE / len(pairs))
+                strict = paired(distances[one.model], distances[best], 1 - size / len(pairs))
                 needed = strict.num_runs_needed
-                more = "no difference at all" if needed is None else f"would need ~{_round(needed)} runs"
+                more = "no difference at all" if needed is None else told.format(_round(needed))
                 verdict = f"not distinguishable from {best} ({more})"
             found |= {"against": best, "paired": tests[best, one.model], "p": p, "verdict": verdict}
         judged.append(replace(one, **found))
     return judged
+
+
+def _after_looks(difference: np.ndarray, level: float, stopped: Stopped) -> Paired:
+    """A difference with the interval and the p value that hold for all looks (Jennison & Turnbull 2000, ch. 9)."""
+    rule = stopped.rule
+    assert isinstance(rule, AbstractTest)
+    fixed = paired(difference, np.zeros(len(difference)), level)
+    # the bound is one on normal variables
+    t = student_score(rule.bound(1 - level, stopped.looks, stopped.most), len(difference) - 1)
+    half = t * fixed.se if fixed.se > 0 else 0.0
+    p = rule.p(score(difference), stopped.looks, stopped.most)
+    return replace(fixed, low=fixed.difference - half, high=fixed.difference + half, p=p)
 
 
 def _pair_row(one: Standing) -> list[str]:
