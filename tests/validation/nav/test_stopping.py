@@ -1,6 +1,6 @@
 """Rules of stopping on campaigns that cost nothing: lengths of errors are drawn, and looked at as those of runs are.
 
-Of each campaign three filters have errors in common and some of their own: normal, exponential, and half of both, so that
+Of each campaign three filters have errors in common and some of their own: normal, exponential, and half of both:
 differences are skewed. Their standard deviation is 1.
 """
 
