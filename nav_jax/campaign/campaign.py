@@ -6,7 +6,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from gmwm_jax._internal.progress import Bar, Progress, progress_bar
 from nav_jax.campaign.contents import KEEPS
 from nav_jax.campaign.environment import differences, environment
 from nav_jax.campaign.executors import Pool, Workers
+from nav_jax.campaign.looks import Looks
 from nav_jax.campaign.results import CampaignStatus, Cost, Statistics, named
 from nav_jax.campaign.specification import (
     Definition,
@@ -37,6 +38,7 @@ from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs
+from nav_jax.simulation.stopping import Rule, rule_of
 
 _WAITING = 64
 """Tasks that are with the executor at a time."""
@@ -253,6 +255,7 @@ class Campaign:
         *,
         executor: Workers = None,
         chunks: Iterable[int] | None = None,
+        stop: Rule | str | None = None,
         progress: Progress = False,
     ) -> CampaignStatus:
         """Compute what a store lacks of this campaign.
@@ -268,6 +271,10 @@ class Campaign:
         chunks
             Numbers of those to be computed; all unless given. Machines without a common disk take some each, see
             `merge`.
+        stop
+            See `nav_jax.compare`: each scenario stops by itself, at whole chunks, and the number of runs is the
+            largest. Chunks up to the next look of every scenario come first. A scenario of which a chunk of a look
+            failed is computed to the end.
         progress
             Show a bar; or a function of what is done and the total, which may cancel by raising.
 
@@ -279,7 +286,8 @@ class Campaign:
         Raises
         ------
         ValueError
-            The store is of another campaign: the message names the field that differs.
+            The store is of another campaign: the message names the field that differs. Some of the chunks are wanted
+            and a rule, which looks at all; a rule that compares filters, and one filter.
         FileExistsError
             There is something else at the path.
         OSError
@@ -287,6 +295,9 @@ class Campaign:
         RuntimeError
             Workers died, and nobody has said how to make others.
         """
+        rule = rule_of(stop, len(self.filters))
+        if rule is not None and chunks is not None:
+            raise ValueError("A rule looks at all chunks in their order: leave either stop or chunks out.")
         target = self._open_store(Path(store))
         if differing := differences(target.environment, environment()):
             warnings.warn(
@@ -307,25 +318,48 @@ class Campaign:
             warnings.warn(f"Chunks of {store} are damaged and computed again: {named(damaged)}.", stacklevel=2)
         bar = progress_bar(len(lacking), "chunk", progress)
         try:
-            self._compute(target, lacking, executor, bar)
+            self._compute(target, self._rounds(target, lacking, rule), executor, bar)
         except KeyboardInterrupt:
             pass
         finally:
             bar.close()
-        return self.status()
+        return self.status(stop=rule)
 
-    def _compute(self, store: Store, lacking: list[Task], executor: Workers, bar: Bar) -> None:
-        """Send the tasks out, and those whose worker died again, after the others and then one by one.
+    def _rounds(self, store: Store, lacking: list[Task], rule: Rule | None) -> Iterator[list[Task]]:
+        """Yield what is lacking, or with a rule what its next looks lack, until there is no more of it."""
+        if rule is None:
+            yield lacking
+            return
+        looks = {scenario: self._looks(store, scenario, rule) for scenario in self.scenarios}
+        while True:
+            going = {scenario for scenario, of in looks.items() if of.look() is None}
+            lacking = [task for task in lacking if task[0] in going]
+            first = [task for task in lacking if task[1] < looks[task[0]].next_chunks]
+            # a look that lacks what was tried cannot be taken, nor can those after it
+            blind = going - {scenario for scenario, _ in first}
+            now = [task for task in lacking if task in first or task[0] in blind]
+            if not now:
+                return
+            yield now
+            lacking = [task for task in lacking if task not in now]
+
+    def _compute(self, store: Store, rounds: Iterator[list[Task]], executor: Workers, bar: Bar) -> None:
+        """Send the tasks of each round out, and those whose worker died again, after the others and then one by one.
 
         A pool that breaks does not say which of its tasks was the reason: the one that breaks it alone.
         """
         pool, ended = Pool(executor), False
         waiting: dict[Future[Told], Task] = {}
-        todo, order = list(reversed(lacking)), {task: i for i, task in enumerate(lacking)}
+        todo: list[Task] = []
+        order: dict[Task, int] = {}
         breaks, deaths = 0, Counter[Task]()
         path, digest = str(store.path.absolute()), store.specification.digest
         try:
-            while todo or waiting:
+            while True:
+                if not (todo or waiting):
+                    if not (tasks := next(rounds, [])):
+                        break
+                    todo, order = tasks[::-1], {task: i for i, task in enumerate(tasks)}
                 broken = []
                 try:
                     while todo and len(waiting) < (1 if breaks > 1 else _WAITING):
@@ -372,35 +406,46 @@ class Campaign:
 
     # -- what is there ----------------------------------------------------------------------------------------------
 
-    def status(self) -> CampaignStatus:
+    def status(self, *, stop: Rule | str | None = None) -> CampaignStatus:
         """Read the store of this campaign, and say what is there, what is not and why.
+
+        Parameters
+        ----------
+        stop
+            The rule with which it is run, if with one: of a scenario that it stopped nothing more is missing.
 
         Raises
         ------
         ValueError
-            The campaign has no store yet.
+            The campaign has no store yet; a rule that compares filters, and one filter.
         """
-        store = self._store()
+        store, rule = self._store(), rule_of(stop, len(self.filters))
+        ended = {} if rule is None else {name: self._looks(store, name, rule).look() for name in self.scenarios}
+        stopped = {name: one for name, one in ended.items() if one is not None and one.early}
+        size = self._definition.chunk_size
         missing: dict[str, tuple[int, ...]] = {name: () for name in self.scenarios}
         damaged, failed = dict(missing), {}
         for scenario, chunk in self._tasks():
-            if store.read(scenario, chunk) is not None:
+            beyond = scenario in stopped and chunk * size >= stopped[scenario].looks[-1]
+            if beyond or store.read(scenario, chunk) is not None:
                 continue
             missing[scenario] += (chunk,)
             if store.is_begun(scenario, chunk):
                 damaged[scenario] += (chunk,)
             if (why := store.failure(scenario, chunk)) is not None:
                 failed[scenario, chunk] = why
-        size = self._definition.chunk_size
-        return CampaignStatus(str(store.path), self._num_chunks, size, missing, damaged, failed)
+        return CampaignStatus(str(store.path), self._num_chunks, size, missing, damaged, failed, stopped)
 
-    def comparison(self, scenario: str | None = None) -> Comparison:
+    def comparison(self, scenario: str | None = None, *, stop: Rule | str | None = None) -> Comparison:
         """Compare the filters in one scenario, with the runs that are there by now.
 
         Parameters
         ----------
         scenario
             Its name; may be left out where there is one.
+        stop
+            The rule with which it is run: the runs up to the look at which it ends them, whatever else is there. All
+            runs where it has not ended them yet.
 
         Returns
         -------
@@ -410,10 +455,12 @@ class Campaign:
         Raises
         ------
         ValueError
-            There is no run yet, or no such scenario.
+            There is no run yet, or no such scenario; a rule that compares filters, and one filter.
         """
-        name = self._named(scenario)
-        bench, chunks = bench_of(self._specification, name), self._read(name, per_run=True)
+        name, rule = self._named(scenario), rule_of(stop, len(self.filters))
+        stopped = None if rule is None else self._looks(self._store(), name, rule).look()
+        most = self._num_chunks if stopped is None else stopped.looks[-1] // self._definition.chunk_size
+        bench, chunks = bench_of(self._specification, name), self._read(name, most, per_run=True)
         whole = self._definition.keep == "runs"
         rows = list(next(iter(chunks.values())))
         arrays = {row: np.concatenate([chunk[row] for chunk in chunks.values()]) for row in rows}
@@ -423,19 +470,23 @@ class Campaign:
             notes.append(
                 f"Of each run the epoch at {time:g} s was kept: the share of epochs in band is that of this one."
             )
-        if lacking := self._num_chunks - len(chunks):
+        if lacking := most - len(chunks):
             runs = lacking * self._definition.chunk_size
             notes.append(
                 f"{runs} of {self.num_runs} runs are missing: they are not computed yet, failed or are damaged."
             )
+            if rule is not None:
+                notes.append(f"{rule} has not ended these runs: it cannot look beyond those that are missing.")
         runs = {
-            name: self._runs(template, {row: a[:, i] for row, a in arrays.items()}, bench.epoch, notes)
+            name: self._runs(template, {row: a[:, i] for row, a in arrays.items()}, bench.epoch, notes, most)
             for i, (name, template) in enumerate(bench.templates.items())
         }
-        return Comparison(bench.setup.reference, runs, truth=repr(self._definition.truth))
+        return Comparison(bench.setup.reference, runs, truth=repr(self._definition.truth), stopped=stopped)
 
-    def _runs(self, template: Runs, arrays: Mapping[str, np.ndarray], epoch: int, notes: Sequence[str]) -> Runs:
-        """The runs of one filter, of every epoch or of the judged one."""
+    def _runs(
+        self, template: Runs, arrays: Mapping[str, np.ndarray], epoch: int, notes: Sequence[str], num_chunks: int
+    ) -> Runs:
+        """The runs of one filter in so many chunks, of every epoch or of the judged one."""
         whole = self._definition.keep == "runs"
         get = (lambda name: arrays[f"all_{name}"]) if whole else (lambda name: arrays[name][:, None])
         nees = get("nees")
@@ -450,7 +501,7 @@ class Campaign:
             status=arrays["status"],
             nees={group: nees[..., list(GROUPS).index(group)] for group in template.nees},
             notes=(*template.notes, *notes),
-            num_requested=self.num_runs,
+            num_requested=num_chunks * self._definition.chunk_size,
             **fields,
         )
 
@@ -470,7 +521,7 @@ class Campaign:
         if self._definition.keep == "judged":
             raise ValueError('A campaign with keep="judged" has no statistics of other epochs: see its comparison.')
         name = self._named(scenario)
-        bench, chunks = bench_of(self._specification, name), self._read(name, per_run=False)
+        bench, chunks = bench_of(self._specification, name), self._read(name, self._num_chunks, per_run=False)
         totals: dict[str, np.ndarray] = {}
         for arrays in chunks.values():
             totals = {row: (totals[row] + a[0] if totals else a[0]) for row, a in arrays.items()}
@@ -479,12 +530,12 @@ class Campaign:
             for i, (model, template) in enumerate(bench.templates.items())
         }
 
-    def _read(self, scenario: str, *, per_run: bool) -> dict[int, dict[str, np.ndarray]]:
-        """Chunks that are there by number, in their order: what has a row for each run, or the sums."""
+    def _read(self, scenario: str, num_chunks: int, *, per_run: bool) -> dict[int, dict[str, np.ndarray]]:
+        """Of the first chunks those that are there by number, in order: what has a row for each run, or the sums."""
         store, rows = self._store(), bench_of(self._specification, scenario).rows
         wanted = [row.name for row in rows if row.per_run is per_run]
         found = {}
-        for chunk in range(self._num_chunks):
+        for chunk in range(num_chunks):
             arrays = store.read(scenario, chunk)
             if arrays is not None:
                 found[chunk] = {name: arrays[name] for name in wanted}
@@ -497,6 +548,9 @@ class Campaign:
     def _tasks(self) -> list[Task]:
         """All of them; every scenario gets on."""
         return [(scenario, chunk) for chunk in range(self._num_chunks) for scenario in self.scenarios]
+
+    def _looks(self, store: Store, scenario: str, rule: Rule) -> Looks:
+        return Looks(store, bench_of(self._specification, scenario), scenario, rule)
 
     def _named(self, scenario: str | None) -> str:
         if scenario is None and len(self.scenarios) == 1:

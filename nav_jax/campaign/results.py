@@ -1,12 +1,13 @@
 """What a campaign says of itself: how far it is, what it takes, and the statistics of every epoch."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from gmwm_jax._internal.limits import as_bytes
+from nav_jax.simulation.stopping import Stopped
 
 _MOST_NAMED = 5
 """Chunks that a sentence names."""
@@ -32,11 +33,13 @@ class CampaignStatus:
     num_chunks, chunk_size
         Of each scenario, and runs in each of them.
     missing
-        Scenario -> numbers of the chunks that are not there, whatever the reason.
+        Scenario -> numbers of the chunks that are not there, whatever the reason; none beyond a stop.
     damaged
         Those of them that were there once.
     failed
         Scenario and chunk -> why it could not be computed.
+    stopped
+        Scenario -> how a rule has stopped it before the largest number of runs.
     """
 
     path: str
@@ -45,6 +48,7 @@ class CampaignStatus:
     missing: Chunks
     damaged: Chunks
     failed: Mapping[tuple[str, int], str]
+    stopped: Mapping[str, Stopped] = field(default_factory=dict)
 
     @property
     def num_missing(self) -> int:
@@ -53,13 +57,16 @@ class CampaignStatus:
 
     @property
     def complete(self) -> bool:
-        """Whether all is there."""
+        """Whether all is there, of a scenario that was stopped all up to there."""
         return not self.num_missing
 
     def __repr__(self) -> str:
         lines = [f"Campaign in {self.path}: {len(self.missing)} scenarios x {self.num_chunks * self.chunk_size} runs"]
         for scenario, chunks in self.missing.items():
-            lines.append(f"{scenario}: {self.num_chunks - len(chunks)} of {self.num_chunks} chunks are done")
+            if (ended := self.stopped.get(scenario)) is not None:
+                lines.append(f"{scenario}: stopped at {ended.looks[-1]} of {ended.most} runs ({ended.rule.text})")
+            else:
+                lines.append(f"{scenario}: {self.num_chunks - len(chunks)} of {self.num_chunks} chunks are done")
         if any(self.damaged.values()):
             lines.append(f"damaged, to be computed again: {named(self.damaged)}")
         lines += [f"{scenario} {chunk} failed: {why}" for (scenario, chunk), why in self.failed.items()]
