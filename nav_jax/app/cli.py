@@ -112,6 +112,7 @@ File = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="Trajectory, t
 Filter = Annotated[str | None, typer.Option("--filter", help="Which filter, if there are several.")]
 NumRuns = Annotated[int | None, typer.Option(min=1, help="Number of runs of each filter, in place of the file's.")]
 Seed = Annotated[int | None, typer.Option(min=0, help="Of the random numbers, in place of the file's.")]
+Stop = Annotated[str | None, typer.Option(help="Stop early: significant or anytime, in place of the file's.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for tables and figures, in place of the file's.")]
 Json = Annotated[Path | None, typer.Option("--json", help="Write the table as JSON; '-' for the screen.")]
 Plot = Annotated[bool | None, typer.Option("--plot/--no-plot", help="Draw figures into the folder.")]
@@ -146,6 +147,7 @@ def compare(
     config: File,
     num_runs: NumRuns = None,
     seed: Seed = None,
+    stop: Stop = None,
     out: Out = None,
     json_file: Json = None,
     plot: Plot = None,
@@ -158,7 +160,7 @@ def compare(
     if len(known.filters) < 2:
         raise ValueError(f"A comparison takes two filters or more, and {config} has {len(known.filters)}: use run.")
     targets = _targets(known, config.parent, out, json_file, plot, save)
-    result = known.compare(num_runs=num_runs, seed=seed, progress=True)
+    result = known.compare(num_runs=num_runs, seed=seed, stop=stop, progress=True)
     _finish(result, repr(result), targets)
 
 
@@ -177,6 +179,7 @@ def campaign(
     cost: Annotated[bool, typer.Option("--cost", help="Say what it will take, and leave it at that.")] = False,
     num_runs: NumRuns = None,
     seed: Seed = None,
+    stop: Stop = None,
     out: Out = None,
     json_file: Json = None,
 ) -> None:
@@ -187,14 +190,14 @@ def campaign(
     if workers is not None and scheduler is not None:
         raise ValueError("Either --workers or --scheduler: the scheduler has its own workers.")
     known = read_config(config)
-    study = known.campaign(num_runs=num_runs, seed=seed, keep=keep)
+    study, rule = known.campaign(num_runs=num_runs, seed=seed, keep=keep), known.run.rule if stop is None else stop
     if cost:
         typer.echo(f"{study!r}\n{study.cost()!r}")
         return
     with _executor(workers, scheduler) as executor:
-        status = study.run(store, executor=executor, progress=True)
+        status = study.run(store, executor=executor, stop=rule, progress=True)
     if status.complete or status.num_missing < status.num_chunks:
-        result = study.comparison()
+        result = study.comparison(stop=rule)
         _give(comparison_report(result), json_file, out, plot=False, text=repr(result))
     if not status.complete:
         typer.echo(repr(status), err=True)

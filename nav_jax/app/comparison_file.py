@@ -70,13 +70,14 @@ class Config:
         num_runs: int | None = None,
         seed: int | None = None,
         only: Sequence[str] = (),
+        stop: str | None = None,
         progress: Progress = False,
     ) -> Comparison:
         """Run it.
 
         Parameters
         ----------
-        num_runs, seed
+        num_runs, seed, stop
             In place of those in the file.
         only
             Some of the filters; all by default.
@@ -90,6 +91,7 @@ class Config:
             {name: f for name, f in self.filters.items() if not only or name in only},
             num_runs=run.num_runs if num_runs is None else num_runs,
             key=jax.random.key(run.seed if seed is None else seed),
+            stop=run.rule if stop is None else stop,
             progress=progress,
             **{k: getattr(run, k) for k in ("gains", "chunk_size", "workers")},
         )

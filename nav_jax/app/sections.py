@@ -26,6 +26,7 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.imu.specification import ImuSpecification
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.wgs84 import Wgs84
+from nav_jax.simulation.stopping import Precision, Rule
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.motions import GENERATORS
 from nav_jax.trajectory.trajectory import Trajectory
@@ -386,6 +387,24 @@ class OfEarth(Section):
         return Wgs84(origin)
 
 
+class PrecisionSection(Section):
+    """``stop = {position = ...}``: arguments of `nav_jax.Precision`."""
+
+    position: Length | None = None
+    difference: Length | None = None
+    least: int | None = None
+    every: int | None = None
+
+    @model_validator(mode="after")
+    def _makes_a_rule(self) -> "PrecisionSection":
+        self.build()
+        return self
+
+    def build(self) -> Precision:
+        """The rule."""
+        return Precision(**self.given())
+
+
 class RunSection(OfEarth):
     """Arguments of `nav_jax.compare`, and of its scenario."""
 
@@ -399,6 +418,12 @@ class RunSection(OfEarth):
     origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
     chunk_size: Annotated[int, Field(ge=1)] | None = None
     workers: Annotated[int, Field(ge=1)] | None = None
+    stop: Literal["significant", "anytime"] | PrecisionSection | None = None
+
+    @property
+    def rule(self) -> Rule | str | None:
+        """By which runs stop, as `nav_jax.compare` takes it."""
+        return self.stop.build() if isinstance(self.stop, PrecisionSection) else self.stop
 
 
 class FolderSection(Section):

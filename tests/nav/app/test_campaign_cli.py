@@ -45,6 +45,18 @@ def test_a_campaign_is_run_and_continued(config):
 
 
 @pytest.mark.slow
+def test_a_rule_of_the_file_and_one_of_the_command_line(config):
+    """The file's is about a precision that any runs have; the other needs as many as there are."""
+    config.write_text(config.read_text() + 'stop = {position = "1 km", least = 18}\n')
+    stopped = call("campaign", config, "--store", "s.zarr", "--num-runs", 36).stdout
+    assert "18 of at most 36 runs" in stopped
+    assert call("campaign", config, "--store", "s.zarr", "--num-runs", 36).stdout == stopped
+    assert "36 of at most 36 runs" in call("compare", config, "--num-runs", 36, "--stop", "anytime").stdout
+    said = call("compare", config, "--stop", "soon", code=2)
+    assert "stop is 'significant', 'anytime'" in said.stderr
+
+
+@pytest.mark.slow
 def test_processes_that_know_nothing(config, monkeypatch):
     """They are told neither the precision nor the campaign: both are in the task and its store."""
     monkeypatch.delenv("JAX_ENABLE_X64", raising=False)

@@ -17,6 +17,7 @@ from nav_jax.app.sections import MOTIONS, quantity
 from nav_jax.imu.datasheets import devices
 from nav_jax.imu.errors import ImuErrors, RecordedErrors
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.stopping import Precision
 from nav_jax.trajectory import motions
 from nav_jax.trajectory.files import save_trajectory
 
@@ -124,6 +125,7 @@ def test_every_section_becomes_what_it_says(write):
     assert config.run.model_dump() == {
         "num_runs": 3, "seed": 7, "gains": "estimate", "every": 5, "output_interval": 1.0, "earth": "flat",
         "gravity": 9.8056, "origin": None, "chunk_size": None, "workers": None, "neglected": [], "suspected": [],
+        "stop": None,
     }  # fmt: skip
     assert config.output.model_dump() == {"folder": None, "plot": True, "save": None}
 
@@ -158,7 +160,30 @@ def test_it_runs_what_it_says(write, monkeypatch):
         assert named.pop("key") == jax.random.key(seed)
         assert named == {
             "num_runs": num_runs, "progress": progress, "gains": "estimate", "chunk_size": None, "workers": None,
+            "stop": None,
         }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ('"significant"', "significant"),
+        ('"anytime"', "anytime"),
+        ('{position = "1 cm"}', Precision(position=0.01)),
+        ('{difference = "2 mm", least = 256}', Precision(difference=0.002, least=256)),
+    ],
+)
+def test_rules_of_stopping(write, text, rule):
+    assert read_config(write(by={"gravity = 9.8056": f"gravity = 9.8056\nstop = {text}"})).run.rule == rule
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [('"soon"', "significant"), ("{}", "position= or difference="), ('{position = "1 deg"}', "position")],
+)
+def test_rules_that_are_none(write, text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        read_config(write(by={"gravity = 9.8056": f"gravity = 9.8056\nstop = {text}"}))
 
 
 @pytest.mark.parametrize("name", MOTIONS)
