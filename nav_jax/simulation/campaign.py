@@ -35,8 +35,9 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.simulation._placement import placement
 from nav_jax.simulation.collected import Collected, run_chunk
 from nav_jax.simulation.comparison import Comparison
-from nav_jax.simulation.runs import Runs, Track, judged_epoch
+from nav_jax.simulation.runs import Runs, Track
 from nav_jax.simulation.stopping import Rule, Stopped, Watch, rule_of
+from nav_jax.statistics.epochs import judged_epoch
 
 
 def monte_carlo(

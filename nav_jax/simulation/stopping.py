@@ -164,7 +164,7 @@ class Anytime(AbstractTest):
 
     def bound(self, alpha: float, looks: Sequence[int], most: int) -> float:
         """Of the sequence."""
-        return mixture_bound(looks[-1], alpha)
+        return mixture_bound(looks[-1], alpha, made_for=self.alpha)
 
     def p(self, z: float, looks: Sequence[int], most: int) -> float:
         """Of the same."""

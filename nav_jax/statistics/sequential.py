@@ -140,7 +140,7 @@ def _of_last(information: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     return np.append(log_alpha, 0.0), np.append(bounds, 0.0)
 
 
-def mixture_bound(num: int, alpha: Real = 0.05, *, tightest_at: int = 500) -> float:
+def mixture_bound(num: int, alpha: Real = 0.05, *, tightest_at: int = 500, made_for: Real | None = None) -> float:
     r"""Bound on \|z\| that is crossed at any number of runs with the probability alpha, if there is no difference.
 
     The normal mixture of Robbins (1970) with the sample's variance, an asymptotic confidence sequence: its half width
@@ -155,6 +155,8 @@ def mixture_bound(num: int, alpha: Real = 0.05, *, tightest_at: int = 500) -> fl
         Of all numbers of runs together.
     tightest_at
         The number of runs at which the sequence is narrowest: r = (-2 log alpha + log(1 - 2 log alpha)) / that.
+    made_for
+        The alpha of that r, if another: one r for all sizes lets `mixture_p` be compared with each of them.
 
     Examples
     --------
@@ -162,7 +164,7 @@ def mixture_bound(num: int, alpha: Real = 0.05, *, tightest_at: int = 500) -> fl
     3.07
     """
     alpha, num = probability("alpha", alpha), integer("num", num, 1)
-    nr = num * _rate(alpha, tightest_at)
+    nr = num * _rate(alpha if made_for is None else probability("made_for", made_for), tightest_at)
     return float(np.sqrt(2 * (nr + 1) / nr * (np.log(nr + 1) / 2 - np.log(alpha))))
 
 

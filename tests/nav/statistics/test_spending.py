@@ -31,7 +31,7 @@ def test_one_look_is_the_ordinary_test(alpha):
 def test_crossings_of_unequal_looks_by_another_quadrature(alpha, t):
     """What stays inside all bounds, on a fine grid by the trapezoidal rule; the spent part is the rest."""
     t, grid = np.array(t), 3001
-    bounds = spending_bounds(t, alpha)
+    bounds = spending_bounds(t.tolist(), alpha)
     inside, at, before = np.ones(1), np.zeros(1), 0.0
     for now, bound in zip(t, bounds, strict=True):
         u = np.linspace(-min(bound, 9.0), min(bound, 9.0), grid) * np.sqrt(now)
@@ -50,7 +50,7 @@ def test_simulated_paths_cross_as_often_as_they_may(alpha, most):
     t = np.array(looks) / most
     steps = np.sqrt(np.diff(t, prepend=0.0))
     paths = np.cumsum(np.random.default_rng(5).normal(size=(200_000, len(t))) * steps, axis=1)
-    crossed = np.mean(np.any(np.abs(paths) / np.sqrt(t) > spending_bounds(t, alpha), axis=1))
+    crossed = np.mean(np.any(np.abs(paths) / np.sqrt(t) > spending_bounds(t.tolist(), alpha), axis=1))
     assert abs(crossed - alpha) < 4 * np.sqrt(alpha * (1 - alpha) / 200_000)
 
 

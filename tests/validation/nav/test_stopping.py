@@ -57,6 +57,16 @@ def test_false_alarms_of_all_pairs_and_looks(rule, least):
     assert least <= share <= 0.065
 
 
+@pytest.mark.parametrize("rule", [Significant(), Anytime()])
+@pytest.mark.parametrize("pairs", [1, 3, 45])
+def test_p_says_what_the_bound_says(rule, pairs):
+    """At each look, to 2 %: who stops because filters are told apart has a table that says so."""
+    looks = rule.looks(MOST)
+    for k in range(1, len(looks) + 1):
+        bound = rule.bound(rule.alpha / pairs, looks[:k], MOST)
+        assert bound > 12 or pairs * rule.p(bound, looks[:k], MOST) == pytest.approx(rule.alpha, rel=0.02)
+
+
 def test_power_is_about_that_of_one_test():
     """A difference of 0.12 sd, of one pair at alpha/3: the one test of all runs has at most 5 % more."""
     fixed = np.mean([paired(lengths(s, 0.12)[:, 2], lengths(s, 0.12)[:, 0]).p < 0.05 / PAIRS for s in range(CAMPAIGNS)])
