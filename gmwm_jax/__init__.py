@@ -65,6 +65,7 @@ if _TYPE_CHECKING:
     from gmwm_jax import regression as regression
     from gmwm_jax import units as units
     from gmwm_jax import variance as variance
+    from gmwm_jax._internal.compiled import keep_compiled as keep_compiled
     from gmwm_jax._internal.saved import load as load
     from gmwm_jax.fitting import Fit as Fit
     from gmwm_jax.fitting import fit as fit

@@ -1,6 +1,7 @@
 """The way into both command lines, and out of them: what is asked for is checked, said and ended in one way."""
 
 import contextlib
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -14,6 +15,9 @@ from typing import Annotated, Any
 from gmwm_jax._internal.interrupts import INTERRUPTED, leave_at_once, leave_when_deaf
 from gmwm_jax._internal.lazy import open_wide
 
+NO_CACHE = "no_cache"
+"""Parameter of commands that say by themselves whether compiled programs are kept; others have an option of that name.
+"""
 BAD_INPUT = 2
 """Exit code of a command that was asked for something wrong, as of one whose options are."""
 
@@ -25,7 +29,7 @@ def run_command_line(module: str, packages: Collection[str], needs: Collection[s
     """Turn on 64-bit floats and run the command line ``app`` of a module.
 
     Until a command has all that it needs, nothing is done that an interrupt could leave half done, and it ends the
-    process at once: the import of compiled modules hears of none.
+    process at once: the import of compiled modules hears of none. What commands compile is kept for the next start.
 
     Parameters
     ----------
@@ -43,9 +47,13 @@ def run_command_line(module: str, packages: Collection[str], needs: Collection[s
     os.environ["JAX_ENABLE_X64"] = "1"  # read when JAX is imported, which help is not
     cli = importlib.import_module(module)
 
-    def load() -> None:
+    def load(*, keep: bool) -> None:
         for package in packages:
             open_wide(package)
+        if keep:
+            from gmwm_jax._internal.compiled import kept_if_possible
+
+            kept_if_possible()
         leave_when_deaf()
 
     cli.app(obj=load)
@@ -106,14 +114,32 @@ def tell_version(app: Any, command: str, version: str) -> None:
 
 
 def as_command(run: Callable[..., None], parameters: Iterable[inspect.Parameter]) -> Callable[..., None]:
-    """Give ``run(context, **options)`` the signature that a command of these parameters has, which Typer reads."""
+    """Give ``run(context, **options)`` the signature that a command of these parameters has, which Typer reads.
+
+    A command that does not say by itself whether compiled programs are kept has the option ``--no-cache`` beside them.
+    """
     import typer
 
-    told = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
-    named = [told, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters)]
-    run.__signature__ = inspect.Signature(named)  # type: ignore[attr-defined]
-    run.__annotations__ = {p.name: p.annotation for p in named}
-    return run
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    named = [p.replace(kind=keyword) for p in parameters]
+    says_itself = any(p.name == NO_CACHE for p in named)
+    option = typer.Option("--no-cache", help="Do not keep compiled programs in your folder of caches.")
+    asked = inspect.Parameter(NO_CACHE, keyword, default=False, annotation=Annotated[bool, option])
+
+    @functools.wraps(run)
+    def command(context: typer.Context, **options: Any) -> None:
+        keep = not says_itself and not options.pop(NO_CACHE)
+        if not keep and not says_itself:
+            os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # read when JAX is imported, here and by workers
+        if context.obj is not None:
+            context.obj = functools.partial(context.obj, keep=keep)
+        run(context, **options)
+
+    told = inspect.Parameter("context", keyword, annotation=typer.Context)
+    named = [told, *named, *([] if says_itself else [asked])]
+    command.__signature__ = inspect.Signature(named)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in named}
+    return command
 
 
 def _text(error: BaseException) -> str:

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any, TypeAlias, cast
 
 from gmwm_jax._internal.checks import integer
+from gmwm_jax._internal.compiled import kept_if_possible
 from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.interrupts import AbandonableExecutor
 
@@ -64,7 +65,8 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
     """Say how to make a pool of processes, for ``executor=``.
 
     A script that uses it has its work under ``if __name__ == "__main__":``, since every worker imports it. A worker
-    that dies is replaced, and all workers end with the process that started them, however that ends.
+    that dies is replaced, and all workers end with the process that started them, however that ends. What they compile
+    is kept, see `gmwm_jax.keep_compiled`.
 
     Parameters
     ----------
@@ -81,7 +83,13 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
     """
     count = num_threads() if workers is None else integer("workers", workers, 1)
     spawn = multiprocessing.get_context("spawn")
-    return partial(ProcessPoolExecutor, count, mp_context=spawn, initializer=_end_with_parent)
+    return partial(ProcessPoolExecutor, count, mp_context=spawn, initializer=_begin)
+
+
+def _begin() -> None:
+    """Of a worker: it ends with its parent, and what it compiles is kept for others and the next time."""
+    _end_with_parent()
+    kept_if_possible()
 
 
 def _end_with_parent() -> None:

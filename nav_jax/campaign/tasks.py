@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from gmwm_jax._internal.compiled import kept_if_possible
 from nav_jax.campaign.contents import contents
 from nav_jax.campaign.specification import Definition, Specification, definition_of
 from nav_jax.campaign.store import Layout, Store, read_specification
@@ -50,6 +51,7 @@ def run_task(path: str, digest: str, num_chunks: int, scenario: str, chunk: int)
     """
     if not jax.config.read("jax_enable_x64"):  # in a worker: the campaign itself cannot be made without
         jax.config.update("jax_enable_x64", True)
+        kept_if_possible()
     try:
         bench = _bench(path, digest, scenario)
         arrays = bench.compute(chunk)

@@ -16,8 +16,8 @@ from typing import Any
 
 import uvicorn
 
+from gmwm_jax._internal.compiled import keep_compiled
 from gmwm_jax._internal.interrupts import AbandonableExecutor
-from gmwm_jax.app.web.compiled import keep_compiled
 from gmwm_jax.app.web.guard import Guard
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.page import application

@@ -5,7 +5,6 @@ import threading
 
 import pytest
 
-from gmwm_jax.app.web import compiled
 from gmwm_jax.app.web.turns import SupersededError, Turns
 
 
@@ -80,15 +79,3 @@ def test_a_page_that_asks_for_much_waits_for_itself(turns):
 
     asyncio.run(many())
     assert order.index("other") <= 1
-
-
-def test_compiled_programs_are_their_owners(tmp_path, monkeypatch):
-    changed = {}
-    monkeypatch.setattr(compiled.jax.config, "update", changed.__setitem__)
-    monkeypatch.setattr(compiled, "_chosen_before", lambda: False)
-    folder = compiled.keep_compiled(tmp_path)
-    assert folder is not None
-    assert changed["jax_compilation_cache_dir"] == str(folder)
-    assert folder.stat().st_mode & 0o777 == folder.parent.stat().st_mode & 0o777 == 0o700
-    monkeypatch.setattr(compiled, "_chosen_before", lambda: True)
-    assert compiled.keep_compiled(tmp_path) is None
