@@ -37,15 +37,16 @@ test: $(VENV)/.installed  ## everything but what `make validate` runs; ROOM=name
 test-web: $(VENV)/.installed  ## the page, in a real browser (chromium)
 	$(BIN)/python -m pytest tests/web
 
-# where the statistics are written down, each with its band, number of draws and commit
-RECORD ?= benchmarks/results/validation.json
+# where the statistics are written down, each with its band, number of draws and commit; the table that is kept is whole
+RECORD ?= $(if $(ALL),benchmarks/results,out)/validation.json
 
 NOTEBOOKS := tests/validation/test_notebooks.py
 
-validate: $(VENV)/.installed  ## slow tests of the rooms, statistics against their bands, README and notebooks
+# What tests/validation/long.py names takes half an hour more: it is run where ALL is 1, before a release.
+validate: $(VENV)/.installed  ## slow tests of the rooms, statistics against their bands, README and notebooks; ALL=1
 	$(PYTEST) -m slow tests/gmwm tests/nav
 	$(PYTEST) $(CHECKED) $(filter-out $(NOTEBOOKS),$(wildcard tests/validation/test_*.py))
-	$(PYTEST) $(NOTEBOOKS) tests/validation/gmwm tests/validation/nav --record $(RECORD)
+	$(PYTEST) $(NOTEBOOKS) tests/validation/gmwm tests/validation/nav --record $(RECORD) $(if $(ALL),,--short)
 
 # A tolerance that holds on one processor only is none of the method's: rooms of numbers, without the instructions of
 # the last fifteen years, in XLA and in NumPy.
@@ -55,7 +56,7 @@ DISPATCHED = from numpy._core._multiarray_umath import __cpu_dispatch__ as d, __
 
 test-old-cpu: $(VENV)/.installed  ## the numerical rooms as on a processor of 2008 (x86-64)
 	XLA_FLAGS="--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_max_isa=SSE4_2" \
-	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(DISPATCHED)')" $(PYTEST) $(NUMERICAL)
+	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(DISPATCHED)')" $(PYTEST) $(QUICK) $(NUMERICAL)
 
 check: $(VENV)/.installed  ## lint, format, types; names files that have grown long
 	$(BIN)/ruff check .

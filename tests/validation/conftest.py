@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from validation.long import left_out
 
 ROOT = Path(__file__).resolve().parents[2]
 JUDGED = "judged"
@@ -13,6 +14,15 @@ JUDGED = "judged"
 
 def pytest_addoption(parser):
     parser.addoption("--record", metavar="PATH", help="write every statistic with its band, as JSON")
+    parser.addoption("--short", action="store_true", help="leave out what tests/validation/long.py names")
+
+
+def pytest_collection_modifyitems(config, items):
+    """With --short; a file of which single tests were chosen is looked at as it is."""
+    if config.getoption("--short"):
+        out = left_out([item.nodeid for item in items])
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in out])
+        items[:] = [item for item in items if item.nodeid not in out]
 
 
 def bound(value):
