@@ -96,7 +96,8 @@ def begun(
         if stated.attitude is not None or stated.velocity is not None:
             raise ValueError("[initial] has align = true, and [record] an attitude or velocity: leave one out.")
         arm = _arm(fixes)
-        averaged = next((f.sensor.averaged for f in fixes if getattr(f.sensor, "averaged", None)), 0.0)
+        ages = (getattr(f.sensor, "averaged", 0.0) for f in fixes)
+        averaged = next((age for age in ages if age), 0.0)
         receiver = {"lever_arm": arm, "averaged": averaged}
         return _of_alignment(aligned(sure, imu, gnss, receiver, stated.position, earth, ends=True), imu, arm, stated)
     if stated.attitude is not None and stated.velocity is not None:

@@ -94,15 +94,15 @@ def placement(
     ValueError
         A number out of range, no device, or several workers for several devices.
     """
-    sharding = None
+    sharding, device = None, jax.devices()[0]
     if devices is not None:
         if not devices:
             raise ValueError("devices= names one device or more, such as jax.devices(), and is empty.")
         if workers not in (None, 1):
             raise ValueError(f"Runs on several devices go in step, by one thread: leave out workers={workers}.")
+        device = devices[0]
         sharding = NamedSharding(Mesh(np.array(devices), ("runs",)), PartitionSpec("runs"))
     count = 1 if sharding is None else sharding.mesh.size
-    device = jax.devices()[0] if sharding is None else sharding.mesh.devices.flat[0]
     on_cpu = device.platform == "cpu"
     default = num_threads() if on_cpu and sharding is None else 1
     workers = default if workers is None else integer("workers", workers, 1)

@@ -305,7 +305,7 @@ def _run_chunks(
 def _leading(complete: np.ndarray) -> int:
     """Chunks that are complete, from the first on."""
     whole = complete.all(axis=1)
-    return int(len(whole) if whole.all() else np.argmin(whole))
+    return int(len(complete) if whole.all() else np.argmin(whole))
 
 
 def _collect(waiting: dict, collected: dict, complete: np.ndarray, names: list[str], size: int, bar: Any) -> None:

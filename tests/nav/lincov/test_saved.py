@@ -150,12 +150,12 @@ def test_files_know_these_classes():
     assert own == [
         f"nav_jax.{name}"
         for name in (
-            "Analysis", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison", "Covariances",
-            "Definition", "Design", "DualAntenna", "Estimates", "Fixes", "FlatEarth", "GSensitivity", "Gnss",
-            "GnssPosition", "GnssVelocity", "GravityDisturbance", "ImuErrors", "ImuSpecification",
+            "Analysis", "Anytime", "Barometer", "Budget", "CalibrationEffect", "Candidate", "Comparison",
+            "Covariances", "Definition", "Design", "DualAntenna", "Estimates", "Fixes", "FlatEarth", "GSensitivity",
+            "Gnss", "GnssPosition", "GnssVelocity", "GravityDisturbance", "ImuErrors", "ImuSpecification",
             "InitialUncertainty", "Magnetometer", "Misalignment", "Navigation", "NoiseInMotion", "NonHolonomic",
-            "Odometer", "OutageStudy", "Output", "OwnState", "ReferenceErrors", "Runs", "ScaleFactor", "Scenario",
-            "Sensitivities", "Track", "Trajectory", "Tuning", "TwoLevel", "VibrationNoise", "Wgs84", "Withheld",
-            "ZeroRate", "ZeroVelocity",
+            "Odometer", "OutageStudy", "Output", "OwnState", "Precision", "ReferenceErrors", "Runs", "ScaleFactor",
+            "Scenario", "Sensitivities", "Significant", "Stopped", "Track", "Trajectory", "Tuning", "TwoLevel",
+            "VibrationNoise", "Wgs84", "Withheld", "ZeroRate", "ZeroVelocity",
         )
     ]  # fmt: skip
