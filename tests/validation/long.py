@@ -7,6 +7,15 @@ repeats at length what the rooms test on small data.
 NEVER: tuple[str, ...] = ()
 
 SHORT_SHARE: dict[str, tuple[str, ...]] = {
+    "test_notebooks.py::test_it_runs": (
+        "01_calibrate_an_imu",
+        "02_does_the_noise_model_matter",
+        "03_which_model_and_how_sure",
+        "04_design_a_filter_model",
+        "05_gradients_through_navigation",
+        "06_coming_from_other_programs",
+        "08_a_real_drive",
+    ),
     "gmwm/test_fit.py::test_the_mtig_model_at_a_million_samples": NEVER,
     "gmwm/test_gradients.py::test_derivatives_are_those_of_refits": ("WN", "AR1", "GM", "WN + GM", "MAT32", "SIN"),
     "gmwm/test_interval_coverage.py::test_intervals_of_theory_cover": (
