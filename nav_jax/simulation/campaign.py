@@ -204,7 +204,7 @@ def compare(
     on_reference = gains == "reference"
     states = NAVIGATION.size + max(len(f.states) for f in filters.values())
     how = {"chunk_size": chunk_size, "workers": workers, "devices": devices}
-    place = placement(setup, states, num_runs, **how, covariances=smooth and not on_reference)
+    place = placement(setup, states, num_runs, **how, shared=on_reference, smooth=smooth)
     size = place.size
     shared = {n: gains_of(setup.experiment, f, smooth=smooth) if on_reference else None for n, f in filters.items()}
 

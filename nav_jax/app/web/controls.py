@@ -52,10 +52,10 @@ _DEFAULTS: Mapping[str, Mapping[str, str]] = {
 }
 """Those of the demonstration: five minutes on a lemniscate, without GNSS in the last 40 s."""
 
-_HINTS = {"origin": '["46.5 deg", "6.6 deg", "500 m"]'}
-_LABELS = {"num_runs": "runs", "every": "samples in a covariance step"}
+_HINTS = {"origin": '["46.5 deg", "6.6 deg", "500 m"]', "stop": "never"}
+_LABELS = {"num_runs": "runs", "stop": "runs end early when", "every": "samples in a covariance step"}
 _OF_THE_SERVER = ("chunk_size", "workers")
-_OF_RUNS = ("num_runs", "seed", "gains")
+_OF_RUNS = ("num_runs", "seed", "gains", "stop")
 
 
 def motions() -> tuple[Choice, ...]:

@@ -72,7 +72,8 @@ def comparison(found: Comparison) -> Table:
     asked = {r.num_requested for r in found.runs.values()}
     cut = "" if ranked.num_runs >= max(asked) else f" of {max(asked)} that were asked for"
     text = f"Monte Carlo at {ranked.time:g} s: {ranked.num_runs} common runs{cut}; NEES and coverage of the pose"
-    return Table(columns, units, rows, text)
+    stopped = [] if ranked.stopped is None else [ranked.stopped.said(ranked.time)]
+    return Table(columns, units, rows, "\n".join([text, *stopped]))
 
 
 def budget(found: Budget, name: str) -> Table:

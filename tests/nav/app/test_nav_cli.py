@@ -89,7 +89,7 @@ def known(tmp_path_factory):
 def no_filter_runs(monkeypatch, known):
     """The comparison is there already: for tests of what is done with it."""
 
-    def compare(self, *, num_runs=None, seed=None, only=(), progress=False):
+    def compare(self, *, num_runs=None, seed=None, only=(), stop=None, progress=False):
         return Comparison(known.reference, {n: r for n, r in known.runs.items() if not only or n in only}, known.truth)
 
     monkeypatch.setattr(Config, "compare", compare)
@@ -109,10 +109,10 @@ def test_compare_prints_the_table_and_writes_nothing(config, known, tmp_path):
 def test_num_runs_and_seed(config, monkeypatch, known):
     asked = []
     monkeypatch.setattr(Config, "compare", lambda self, **named: asked.append(named) or known)
-    call("compare", config, "--num-runs", 9, "--seed", 5)
+    call("compare", config, "--num-runs", 9, "--seed", 5, "--stop", "anytime")
     call("run", config, "--filter", "right", "--num-runs", 8)
     assert asked == [
-        {"num_runs": 9, "seed": 5, "progress": True},
+        {"num_runs": 9, "seed": 5, "stop": "anytime", "progress": True},
         {"num_runs": 8, "seed": None, "only": ["right"], "progress": True},
     ]
 

@@ -109,7 +109,7 @@ def test_differences_are_tested_in_the_same_runs(comparison):
 def judge(distances):
     names = sorted(distances, key=lambda name: distances[name].mean())
     standings = [Standing(name, 10, 0, mean_position=float(distances[name].mean())) for name in names]
-    return _judge(standings, distances, 0.95)
+    return _judge(standings, distances, 0.95, None)
 
 
 def test_ten_runs_do_not_tell_854_from_865_m():

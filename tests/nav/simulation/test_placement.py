@@ -11,6 +11,7 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+from gmwm_jax._internal import cores
 from nav_jax.filter.experiment import Setup, draw_inputs, gains_of, run_filter
 from nav_jax.simulation import _placement
 from nav_jax.simulation._placement import placement
@@ -39,7 +40,7 @@ def test_two_devices_change_no_bit(gains):
 @pytest.mark.parametrize("gains", ["estimate", "reference"])
 def test_devices_do_not_talk(gains):
     setup = Setup(SCENARIO, TRUTH.rate)
-    place = placement(setup, 24, 6, chunk_size=3, workers=None, devices=DEVICES, covariances=False)
+    place = placement(setup, 24, 6, chunk_size=3, workers=None, devices=DEVICES, shared=False, smooth=False)
     keys = place.keys(KEY, 0)
     shared = gains_of(setup.experiment, TRUTH) if gains == "reference" else None
 
@@ -67,7 +68,7 @@ class Card:
 
 
 def place(num_runs=5000, **options):
-    given = {"chunk_size": None, "workers": None, "devices": None, "covariances": False} | options
+    given = {"chunk_size": None, "workers": None, "devices": None, "shared": False, "smooth": False} | options
     return inspect.unwrap(placement)(Setup(SCENARIO, TRUTH.rate), 24, num_runs, **given)
 
 
@@ -81,17 +82,38 @@ def test_other_devices_take_all_that_find_room(monkeypatch, limit, low, high):
     assert found.workers == 1
 
 
-def test_threads_of_a_cpu_have_chunks_that_come_out_even():
+@pytest.mark.parametrize("cache", [None, 2**21])
+def test_threads_of_a_cpu_have_chunks_that_come_out_even(monkeypatch, cache):
+    monkeypatch.setattr(_placement, "core_cache", lambda: cache)
     assert place(128, workers=2).each == 64
     assert place(200, workers=2).each == 104
     assert place(10, workers=2).each == 8
     assert place(1000, devices=DEVICES).size == 2 * place(1000, devices=DEVICES).each
 
 
+def test_chunks_fit_into_a_small_cache(monkeypatch):
+    monkeypatch.setattr(_placement, "core_cache", lambda: 2**19)
+    assert place(480, workers=2).each == 24
+    assert place(200, workers=2).each == 16  # 7 x 16 are fewer than 5 x 24
+    assert place(512, workers=2, shared=True).each == 32
+    setup = Setup(SCENARIO, TRUTH.rate)
+    options = {"chunk_size": None, "workers": 2, "devices": None, "shared": False, "smooth": False}
+    assert placement(setup, 60, 512, **options).each == 8
+    assert placement(setup, 18, 512, **options).each in (24, 40)
+
+
+def test_the_cache_of_a_core(monkeypatch, tmp_path):
+    monkeypatch.setattr(cores, "_CACHE", tmp_path / "size")
+    assert cores.core_cache() is None
+    for text, found in (("512K\n", 2**19), ("2M", 2**21), ("", None), ("much", None)):
+        (tmp_path / "size").write_text(text)
+        assert cores.core_cache() == found
+
+
 def test_a_smoother_remembers_covariances():
     setup = Setup(SCENARIO, TRUTH.rate)
-    assert place(covariances=True, workers=1).each <= place(workers=1).each
-    assert place(covariances=True, workers=1).each * 16 * len(setup.schedule.time) * 24**2 <= 1e9
+    assert place(smooth=True, workers=1).each <= place(workers=1).each
+    assert place(smooth=True, workers=1).each * 16 * len(setup.schedule.time) * 24**2 <= 1e9
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,11 @@ def test_the_defaults_are_the_demonstration():
 
 def test_what_is_one_of_a_few_is_chosen():
     choices = {c.key: c.choices for c in (*controls.computed(), *controls.runs()) if c.choices}
-    assert choices == {"earth": ("flat", "wgs84"), "gains": ("estimate", "reference")}
+    assert choices == {
+        "earth": ("flat", "wgs84"),
+        "gains": ("estimate", "reference"),
+        "stop": ("significant", "anytime"),
+    }
     shown = str(make_ui(NavigationState(nav_run_earth="wgs84"), Limits()))
     assert '<option value="wgs84" selected="">wgs84</option>' in shown
     assert '<option value="" selected="">estimate</option>' in shown

@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from nav_jax.app.web import figures, files, steps, tables
 from nav_jax.app.web.state import NavigationState
 from nav_jax.app.web.study import config_of_text, tables_of, toml_of
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.stopping import Stopped, rule_of
 
 STATE = NavigationState(
     nav_truth="text", nav_accel="WN(sigma2=1e-4)", nav_gyro="WN(sigma2=1e-6)", nav_rate="20", nav_motion="circle",
@@ -91,6 +93,13 @@ def test_steps_of_the_tutorial():
 def test_cancelled_runs_are_said_to_be_fewer():
     cut = Comparison(nj.motions.circle(duration=100.0, rate=1.0), {"right": make_runs(num_runs=5, num_requested=40)})
     assert "5 common runs of 40 that were asked for" in tables.comparison(cut).text
+
+
+def test_runs_that_end_early_say_why(runs):
+    stopped = Stopped(rule_of("significant", len(runs.runs)), (12,), 40, True, runs.table().time)
+    text = tables.comparison(replace(runs, stopped=stopped)).text
+    assert "12 of at most 40 runs" in text
+    assert "biased away from zero" in text
 
 
 def test_files_of_runs_are_what_is_shown(analysis, runs, text, monkeypatch):
