@@ -44,6 +44,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
     from gmwm_jax._internal.saved import load as load
+    from gmwm_jax._internal.xla_loops import fast_loops as fast_loops
     from nav_jax import aiding as aiding
     from nav_jax import campaign as campaign
     from nav_jax import filter as filter

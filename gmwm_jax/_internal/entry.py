@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 from gmwm_jax._internal.interrupts import INTERRUPTED, leave_at_once, leave_when_deaf
 from gmwm_jax._internal.lazy import open_wide
+from gmwm_jax._internal.xla_loops import fast_loops_if_known
 
 NO_CACHE = "no_cache"
 """Parameter of commands that say by themselves whether compiled programs are kept; others have an option of that name.
@@ -25,7 +26,7 @@ OF_INPUT = (ValueError, KeyError, OSError, ImportError, MemoryError, OverflowErr
 """Errors that are the answer to an input; another one is a mistake of this program, and shows where it is."""
 
 
-def run_command_line(module: str, packages: Collection[str], needs: Collection[str]) -> None:
+def run_command_line(module: str, packages: Collection[str], needs: Collection[str], *, loops: bool = False) -> None:
     """Turn on 64-bit floats and run the command line ``app`` of a module.
 
     Until a command has all that it needs, nothing is done that an interrupt could leave half done, and it ends the
@@ -39,12 +40,16 @@ def run_command_line(module: str, packages: Collection[str], needs: Collection[s
         What its commands need loaded.
     needs
         Packages of the extra ``app``, of which one that is missing is named.
+    loops
+        Whether loops are compiled as a whole, see `nav_jax.fast_loops`.
     """
     for need in needs:
         if importlib.util.find_spec(need) is None:
             sys.exit(f'The command line needs the package {need}: pip install "gmwm-jax[app]".')
     signal.signal(signal.SIGINT, leave_at_once)
     os.environ["JAX_ENABLE_X64"] = "1"  # read when JAX is imported, which help is not
+    if loops:
+        fast_loops_if_known()
     cli = importlib.import_module(module)
 
     def load(*, keep: bool) -> None:

@@ -18,13 +18,14 @@ from jaxtyping import Key
 from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.cores import core_cache, num_threads
 from gmwm_jax._internal.memory import FLOAT
+from gmwm_jax._internal.xla_loops import loops_are_fast
 from nav_jax.filter.experiment import Setup, run_keys
 from nav_jax.filter.layout import GROUPS, JUDGED
 
 _SIZES = range(64, 129, 8)
 """Runs in a chunk on a CPU with room for them in the cache of a core: whole vectors, and enough to pay for a step; more
 come back later when interrupted."""
-_SMALL = range(24, 33, 8)
+_SMALL = range(32, 23, -8)
 """The same on shared gains where that cache is small: 32 runs took 0.39 of the time that 64 take, on 512 KiB."""
 _SMALL_CACHE = 2**20
 """Bytes up to which it is small."""
@@ -32,6 +33,12 @@ _PARTS = 36
 """Of a small cache that the covariances of a chunk fill together, with 8 bytes a number and what a step holds beside
 them. On 512 KiB that is 24 runs of 24 states, which took 0.70 (a covariance every step) and 0.50 (every tenth) of the
 time that 64 take; of 15 states 64 were the best, and of 54 states 8."""
+_IN_ONE = (16, 24)
+"""The same with covariances where loops are compiled as a whole, if the cache has room for them: of 24
+states 0.44 (512 KiB) and 0.57 (2 MiB) of the time that 64 take, of 15 states as much as 64; of 54 states 8 took 0.36 of
+the time of 16."""
+_PARTS_IN_ONE = 54
+"""Of the cache that their covariances fill then."""
 _STRIDE = 32
 """Runs of which columns of covariances come to lie on the same sets of the cache: 32 took twice the time of 24."""
 _SMOOTHER_BYTES = 1_000_000_000
@@ -133,21 +140,28 @@ def placement(
 
 
 def _sizes(num_states: int, *, shared: bool) -> Sequence[int]:
-    """Of chunks that stay in the cache of a core."""
-    cache = core_cache()
-    if cache is None or cache > _SMALL_CACHE:
-        return _SIZES
+    """Of chunks that stay in the cache of a core, the preferred ones first."""
+    cache, fast = core_cache(), loops_are_fast()
+    if fast and not shared:
+        room = _fitting(cache or _SMALL_CACHE, _PARTS_IN_ONE, num_states)
+        return [size for size in _IN_ONE if size <= room] or [8]
+    if fast or cache is None or cache > _SMALL_CACHE:
+        return _SIZES  # what is compiled as a whole, on shared gains, holds little of a run
     if shared:
         return _SMALL
-    most = min(_SIZES[-1], max(8, cache // (_PARTS * num_states**2) // 8 * 8))
-    return [size for size in range(max(8, 2 * most // 3 // 8 * 8), most + 1, 8) if size != _STRIDE]
+    most = min(_SIZES[-1], max(8, _fitting(cache, _PARTS, num_states)))
+    return [size for size in range(most, max(8, 2 * most // 3 // 8 * 8) - 1, -8) if size != _STRIDE]
+
+
+def _fitting(cache: int, parts: int, num_states: int) -> int:
+    return cache // (parts * num_states**2) // 8 * 8
 
 
 def _of_cpu(each: int, sizes: Sequence[int]) -> int:
     """The size with which a thread that has so many runs fills up its last chunk with the fewest."""
-    if each <= sizes[0]:
+    if each <= min(sizes):
         return -(-each // 8) * 8
-    return min(sizes, key=lambda size: (-(-each // size) * size, -size))
+    return min(sizes, key=lambda size: -(-each // size) * size)
 
 
 def _bytes_of_run(setup: Setup, num_states: int) -> int:

@@ -102,6 +102,14 @@ def test_chunks_fit_into_a_small_cache(monkeypatch):
     assert placement(setup, 18, 512, **options).each in (24, 40)
 
 
+@pytest.mark.parametrize("cache", [None, 2**19, 2**21])
+def test_chunks_of_loops_that_are_compiled_as_a_whole(monkeypatch, cache):
+    monkeypatch.setattr(_placement, "core_cache", lambda: cache)
+    monkeypatch.setattr(_placement, "loops_are_fast", lambda: True)
+    assert place(480, workers=2).each == 16
+    assert place(480, workers=2, shared=True).each == 80
+
+
 def test_the_cache_of_a_core(monkeypatch, tmp_path):
     monkeypatch.setattr(cores, "_CACHE", tmp_path / "size")
     assert cores.core_cache() is None
