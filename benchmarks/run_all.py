@@ -24,6 +24,7 @@ NAMES = (
     "records",
     "regression",
     "nav",
+    "scale",
     "lincov",
     "design",
     "tuning",

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from nav_jax.app.reports import Report
     from nav_jax.app.sections import FolderSection
     from nav_jax.simulation.comparison import Comparison
+    from nav_jax.simulation.levels import TwoLevel
 
 TRACKS, MAPS = (".csv", ".npz"), (".kml", ".gpx")
 """Suffixes of files of a track, and of those that need to know where on Earth."""
@@ -138,6 +139,9 @@ def run(
         raise ValueError(f"There are several filters ({', '.join(known.filters)}): choose by --filter, or use compare.")
     name = _chosen(known.filters, filter_name)
     targets = _targets(known, config.parent, out, json_file, plot, save)
+    if known.run.has_two_levels:
+        _finish_levels(known.two_level(num_runs=num_runs, seed=seed, only=[name], progress=True), targets)
+        return
     result = known.compare(num_runs=num_runs, seed=seed, only=[name], progress=True)
     _finish(result, repr(result[name]) + (f"\n\n{result.table()}" if result.num_common >= 2 else ""), targets)
 
@@ -160,6 +164,9 @@ def compare(
     if len(known.filters) < 2:
         raise ValueError(f"A comparison takes two filters or more, and {config} has {len(known.filters)}: use run.")
     targets = _targets(known, config.parent, out, json_file, plot, save)
+    if known.run.has_two_levels:
+        _finish_levels(known.two_level(num_runs=num_runs, seed=seed, stop=stop, progress=True), targets)
+        return
     result = known.compare(num_runs=num_runs, seed=seed, stop=stop, progress=True)
     _finish(result, repr(result), targets)
 
@@ -277,7 +284,10 @@ def design(
     filters = {name: f for name, f in filters.items() if f is not None}
     confirmed = None
     if confirm is not None:
-        again = replace(known, filters=filters)
+        gains = (
+            "estimate" if known.run.has_two_levels else known.run.gains
+        )  # of runs that are shown beside the analysis
+        again = replace(known, filters=filters, run=known.run.model_copy(update={"gains": gains}))
         confirmed = again.compare(num_runs=confirm, seed=seed, progress=True)
     _give(design_report(found, best, confirmed), json_file, folder, plot=plot)
     if confirmed is not None:
@@ -534,11 +544,22 @@ def _finish(result: "Comparison", text: str, targets: _Targets) -> None:
     """Print and write what is asked for."""
     from nav_jax.app.reports import comparison_report
 
-    report = comparison_report(result)
+    _write(result, comparison_report(result), text, targets)
+    _tell_of_runs(result)
+
+
+def _finish_levels(result: "TwoLevel", targets: _Targets) -> None:
+    from nav_jax.app.reports import two_level_report
+
+    _write(result, two_level_report(result), repr(result), targets)
+    _tell_of_runs(result.shared)
+    _tell_of_runs(result.own)
+
+
+def _write(result: "Comparison | TwoLevel", report: "Report", text: str, targets: _Targets) -> None:
     to_screen = _give(report, targets.json_file, targets.folder, plot=targets.plot, text=text)
     if targets.save is not None:
         typer.echo(f"Saved as {result.save(targets.save)}", err=to_screen)
-    _tell_of_runs(result)
 
 
 def _tell_of_runs(result: "Comparison") -> None:

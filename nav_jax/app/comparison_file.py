@@ -36,6 +36,7 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.levels import TWO_LEVEL, TwoLevel
 
 T = TypeVar("T")
 AidingT = TypeVar("AidingT", bound=Aiding)
@@ -83,7 +84,36 @@ class Config:
             Some of the filters; all by default.
         progress
             Show a bar.
+
+        Raises
+        ------
+        ValueError
+            The file wants two levels, see `two_level`.
         """
+        if self.run.has_two_levels:
+            raise ValueError("[run] gains is two-level, which gives means and no runs to compare: state another one.")
+        found = self._run(num_runs, seed, only, stop, progress)
+        assert isinstance(found, Comparison)
+        return found
+
+    def two_level(
+        self,
+        *,
+        num_runs: int | None = None,
+        seed: int | None = None,
+        only: Sequence[str] = (),
+        stop: str | None = None,
+        progress: Progress = False,
+    ) -> TwoLevel:
+        """Run it as ``gains = "two-level"`` says, whatever the file says; see `compare`."""
+        whole = replace(self, run=self.run.model_copy(update={"gains": TWO_LEVEL}))
+        found = whole._run(num_runs, seed, only, stop, progress)
+        assert isinstance(found, TwoLevel)
+        return found
+
+    def _run(
+        self, num_runs: int | None, seed: int | None, only: Sequence[str], stop: str | None, progress: Progress
+    ) -> Comparison | TwoLevel:
         run = self.run
         return compare(
             self.scenario,
@@ -109,6 +139,11 @@ class Config:
         run = self.run
         if isinstance(self.truth, RecordedErrors):
             raise ValueError("[truth] is a recording, and a campaign takes a model: state one.")
+        if run.has_two_levels:
+            raise ValueError(
+                "[run] gains is two-level, and a campaign has one level: run two, with reference and with estimate and "
+                "fewer runs, and put their comparisons into nav_jax.simulation.TwoLevel."
+            )
         return Campaign(
             self.scenario,
             self.truth,

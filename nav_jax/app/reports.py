@@ -37,6 +37,7 @@ from nav_jax.recorded.on_the_move import StartOnTheMove
 from nav_jax.recorded.study import OutageStudy
 from nav_jax.recorded.tuning import Tuning
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.levels import STATISTICS, TwoLevel
 
 COMPARISON = "comparison"
 """Stem of the files of a comparison."""
@@ -101,6 +102,27 @@ def comparison_report(comparison: Comparison) -> Report:
     }
     text = "\n\n".join([repr(comparison), *(repr(r) for r in comparison.runs.values())])
     return Report(COMPARISON, text, content, dict(_comparison_figures(comparison)) if enough else {})
+
+
+def two_level_report(found: TwoLevel) -> Report:
+    """Means of filters with gains of their own, and what shared gains leave out.
+
+    There are means where there are two or more runs of both kinds in which no filter failed.
+    """
+    k, enough = found.shared.epoch(), found.num_common >= 2
+    content = {
+        "reference": found.shared.reference.name,
+        "truth": found.shared.truth,
+        "time": float(next(iter(found.shared.runs.values())).time[k]),
+        "num_runs": found.num_runs,
+        "num_own": found.num_own,
+        "num_common": found.num_common,
+        "models": {
+            name: {of: {key: float(v[k]) for key, v in found.mean(name, of)._asdict().items()} for of in STATISTICS}
+            for name in (found.shared if enough else ())
+        },
+    }
+    return Report(COMPARISON, repr(found), content, {"two_levels.png": found.plot} if enough else {})
 
 
 def _comparison_figures(comparison: Comparison) -> Iterable[tuple[str, Callable[[], Figure]]]:

@@ -26,6 +26,7 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.imu.specification import ImuSpecification
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.kinematics.wgs84 import Wgs84
+from nav_jax.simulation.levels import TWO_LEVEL
 from nav_jax.simulation.stopping import Precision, Rule
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.motions import GENERATORS
@@ -410,7 +411,7 @@ class RunSection(OfEarth):
 
     num_runs: Annotated[int, Field(ge=1)] = 100
     seed: Annotated[int, Field(ge=0)] = 0
-    gains: Literal["estimate", "reference"] = "estimate"
+    gains: Literal["estimate", "reference", "two-level"] = "estimate"
     every: Annotated[int, Field(ge=1)] = EVERY
     output_interval: Time = OUTPUT_INTERVAL
     neglected: list[str] = []
@@ -419,6 +420,11 @@ class RunSection(OfEarth):
     chunk_size: Annotated[int, Field(ge=1)] | None = None
     workers: Annotated[int, Field(ge=1)] | None = None
     stop: Literal["significant", "anytime"] | PrecisionSection | None = None
+
+    @property
+    def has_two_levels(self) -> bool:
+        """Whether means are wanted of runs with gains of two kinds, see `nav_jax.simulation.two_level`."""
+        return self.gains == TWO_LEVEL
 
     @property
     def rule(self) -> Rule | str | None:

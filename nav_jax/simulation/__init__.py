@@ -7,8 +7,8 @@ all of them. ``smooth=True`` judges the fixed-interval smoother. ``cmp.save("run
 ``io`` ``.npz``, keeps the runs, and ``nj.load("runs.nc")`` gives the comparison back, with table and figures;
 ``cmp.to_xarray()`` is a Dataset (model, run, time, component) with units.
 
-``nj.simulation.two_level`` gives the means of filters with gains of their own from many runs on shared gains and few with
-their own, and what shared gains leave out.
+``gains="two-level"`` gives the means of filters with gains of their own from many runs on shared gains and few with their
+own, and what shared gains leave out (a `TwoLevel`); ``nj.simulation.two_level`` says how exactly.
 
 How to read a comparison
 ------------------------
@@ -25,9 +25,9 @@ How to read a comparison
 from gmwm_jax._internal.saved import load as load
 from nav_jax.simulation.campaign import compare as compare
 from nav_jax.simulation.campaign import monte_carlo as monte_carlo
+from nav_jax.simulation.campaign import two_level as two_level
 from nav_jax.simulation.comparison import Comparison as Comparison
 from nav_jax.simulation.levels import TwoLevel as TwoLevel
-from nav_jax.simulation.levels import two_level as two_level
 from nav_jax.simulation.ranking import Ranking as Ranking
 from nav_jax.simulation.runs import Runs as Runs
 from nav_jax.simulation.runs import Track as Track

@@ -7,16 +7,17 @@ numbers of a run depend on its key alone.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 from jaxtyping import Key
 
-from gmwm_jax._internal.checks import integer, typed_key
+from gmwm_jax._internal.checks import integer, number, typed_key
 from gmwm_jax._internal.chunks import numbered_keys
 from gmwm_jax._internal.interrupts import AbandonableExecutor
 from gmwm_jax._internal.memory import require_memory
 from gmwm_jax._internal.progress import Progress, progress_bar
+from gmwm_jax._internal.typing import Real
 from nav_jax.filter.experiment import (
     GAINS,
     Setup,
@@ -35,6 +36,7 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.simulation._placement import placement
 from nav_jax.simulation.collected import Collected, run_chunk
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.levels import TWO_LEVEL, TwoLevel, two_levels
 from nav_jax.simulation.runs import Runs, Track
 from nav_jax.simulation.stopping import Rule, Stopped, Watch, rule_of
 from nav_jax.statistics.epochs import judged_epoch
@@ -79,7 +81,7 @@ def monte_carlo(
     Raises
     ------
     ValueError
-        As in `compare`.
+        As in `compare`; two levels, which make no runs of one kind.
 
     Examples
     --------
@@ -90,6 +92,8 @@ def monte_carlo(
     >>> runs.errors("position").shape  # runs, epochs, north east down
     (4, 10, 3)
     """
+    if gains == TWO_LEVEL:
+        raise ValueError("gains is two-level, which gives means of two kinds of runs: use nav_jax.compare.")
     (believed,) = named_filters(truth, filter).values()
     return compare(
         scenario,
@@ -108,6 +112,26 @@ def monte_carlo(
     ).runs[name]
 
 
+@overload
+def compare(
+    scenario: Scenario,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
+    *,
+    num_runs: int,
+    key: Key[Any, ""],
+    gains: Literal["two-level"],
+    smooth: bool = False,
+    chunk_size: int | None = None,
+    workers: int | None = None,
+    devices: Sequence[Any] | None = None,
+    keep: Iterable[int] = (),
+    stop: Rule | str | None = None,
+    progress: Progress = False,
+) -> TwoLevel: ...
+
+
+@overload
 def compare(
     scenario: Scenario,
     truth: ImuErrors | RecordedErrors,
@@ -123,7 +147,25 @@ def compare(
     keep: Iterable[int] = (),
     stop: Rule | str | None = None,
     progress: Progress = False,
-) -> Comparison:
+) -> Comparison: ...
+
+
+def compare(
+    scenario: Scenario,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
+    *,
+    num_runs: int,
+    key: Key[Any, ""],
+    gains: str = "estimate",
+    smooth: bool = False,
+    chunk_size: int | None = None,
+    workers: int | None = None,
+    devices: Sequence[Any] | None = None,
+    keep: Iterable[int] = (),
+    stop: Rule | str | None = None,
+    progress: Progress = False,
+) -> Comparison | TwoLevel:
     """Compare filters that believe different noise models on the same runs.
 
     Parameters
@@ -141,6 +183,7 @@ def compare(
     gains
         ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
         to first order in the errors and several times faster; not for errors so large that they bend the filter.
+        ``two-level``: means of the first at about the cost of the second, see `nav_jax.simulation.two_level`.
     smooth
         Judge the fixed-interval smoother, which uses all measurements of a run, in place of the filter.
     chunk_size
@@ -165,13 +208,15 @@ def compare(
     Returns
     -------
     Comparison
-        With fewer runs than asked for if it was interrupted from the keyboard: what was done by then.
+        With fewer runs than asked for if it was interrupted from the keyboard: what was done by then. A `TwoLevel` of
+        two levels.
 
     Raises
     ------
     ValueError
         Rates that differ, a recording as the truth and no filter, a number out of range; trajectories to keep of a
-        smoother; several threads for several devices; a rule that compares filters, and one filter.
+        smoother; several threads for several devices; a rule that compares filters, and one filter; trajectories to
+        keep, or a rule, of two levels.
     TypeError
         The key is an integer or of the old kind.
 
@@ -188,10 +233,18 @@ def compare(
     >>> comparison["right"].num_good
     4
     """
+    if gains == TWO_LEVEL:
+        if stop is not None or list(keep):
+            raise ValueError(
+                "gains is two-level, which gives means: no run can be kept, nor stops it early. "
+                "Leave keep and stop out."
+            )
+        how = {"smooth": smooth, "chunk_size": chunk_size, "workers": workers, "devices": devices}
+        return two_level(scenario, truth, filters, num_runs=num_runs, key=key, progress=progress, **how)
     typed_key(key)
     filters = named_filters(truth, filters)
     if gains not in GAINS:
-        raise ValueError(f"gains is one of {', '.join(GAINS)}, and is {gains!r}.")
+        raise ValueError(f"gains is one of {', '.join((*GAINS, TWO_LEVEL))}, and is {gains!r}.")
     num_runs = integer("num_runs", num_runs, 1)
     rule = rule_of(stop, len(filters))
     kept = sorted({integer("A run to keep", i, 0) for i in keep})
@@ -231,6 +284,65 @@ def compare(
         tracks = _tracks(setup, truth, f, key, keeps, on_reference=on_reference)
         runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
     return Comparison(setup.reference, runs, truth=repr(truth), stopped=stopped)
+
+
+def two_level(
+    scenario: Scenario,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
+    *,
+    num_runs: int,
+    key: Key[Any, ""],
+    excess: Real = 0.05,
+    smooth: bool = False,
+    chunk_size: int | None = None,
+    workers: int | None = None,
+    devices: Sequence[Any] | None = None,
+    progress: Progress = False,
+) -> TwoLevel:
+    """Compare filters with gains of their own at little more than the cost of shared ones.
+
+    Gains that are computed once along the reference are exact to first order in the errors, so that a run on them and
+    the same run on its own gains err alike. The mean of many of the first, plus the mean difference of a few, is the
+    mean of the second without bias (Giles 2015). How many differences it takes follows from a pilot of 64: at the epoch
+    at which filters are judged, and there for position and NEES of all filters, the variance should be at most 1 +
+    excess times that of `num_runs` runs with their own gains, as far as the pilot can tell. Where that would take half
+    of the runs or more, all have their own.
+
+    Parameters
+    ----------
+    scenario, truth, filters, key, smooth, chunk_size, workers, devices, progress
+        See `compare`.
+    num_runs
+        Number of runs on shared gains.
+    excess
+        See above.
+
+    Returns
+    -------
+    TwoLevel
+        `mean` and `difference` at every epoch, and what linearisation costs: their ``correction``.
+
+    Raises
+    ------
+    ValueError
+        As in `compare`; an excess that is not positive, fewer than two runs.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> found = nj.simulation.two_level(scenario, truth, num_runs=8, key=jax.random.key(0))
+    >>> found.mean("filter").value.shape
+    (10,)
+    """
+    how = {"smooth": smooth, "chunk_size": chunk_size, "workers": workers, "devices": devices, "progress": progress}
+
+    def run(gains: str, count: int) -> Comparison:
+        return compare(scenario, truth, filters, num_runs=count, key=key, gains=gains, **how)
+
+    return two_levels(run, integer("num_runs", num_runs, 2), number("excess", excess))
 
 
 def _watch(

@@ -2,29 +2,25 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float64, Key
+from jaxtyping import Float64
 
-from gmwm_jax._internal.checks import integer, number, probability
+from gmwm_jax._internal.checks import probability
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
-from gmwm_jax._internal.progress import Progress
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.text_table import number as written
-from gmwm_jax._internal.typing import Real
-from nav_jax.filter.scenario import Scenario
-from nav_jax.imu.errors import ImuErrors
-from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.ranking import common_runs
 from nav_jax.simulation.runs import Runs
 from nav_jax.statistics.distributions import t_quantile
 from nav_jax.statistics.levels import TwoLevelMean, num_dear, two_level_mean
 
+TWO_LEVEL: Final = "two-level"
+"""What `nav_jax.compare` calls it."""
 _PILOT = 64
 """Runs with their own gains from which the number of them is chosen."""
 _JUDGED = ("position", "nees")
@@ -79,6 +75,11 @@ class TwoLevel(Drawable, Saved):
         """Number of those that have runs with their own gains, too."""
         return _num_runs(self.own)
 
+    @property
+    def num_common(self) -> int:
+        """Number of runs of both kinds in which no filter failed."""
+        return len(self._rows()[1])
+
     def mean(self, model: str, statistic: str = "position") -> TwoLevelMean:
         """Mean over runs at every epoch, of filters with gains of their own.
 
@@ -120,7 +121,7 @@ class TwoLevel(Drawable, Saved):
 
     def half_width(self, se: Any, level: float = 0.95) -> Any:
         """Half of Student's interval, with the degrees of freedom of the runs with gains of their own."""
-        return t_quantile(probability("level", level), len(self._rows()[1]) - 1) * se
+        return t_quantile(probability("level", level), self.num_common - 1) * se
 
     def _rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Runs in which no filter failed: on shared gains, and of these the ones with good runs of their own."""
@@ -143,7 +144,7 @@ class TwoLevel(Drawable, Saved):
         ]
         if self.num_own == self.num_runs:
             lines.append("All runs have gains of their own: on shared ones they err too differently to stand for them.")
-        if len(self._rows()[1]) < 2:
+        if self.num_common < 2:
             return "\n".join([*lines, "No means: it takes 2 or more runs in which no model failed."])
         rows = []
         for model in self.shared:
@@ -159,65 +160,24 @@ class TwoLevel(Drawable, Saved):
         return "\n".join(lines)
 
 
-def two_level(
-    scenario: Scenario,
-    truth: ImuErrors | RecordedErrors,
-    filters: Mapping[str, ImuErrors] | ImuErrors | None = None,
-    *,
-    num_runs: int,
-    key: Key[Any, ""],
-    excess: Real = 0.05,
-    workers: int | None = None,
-    progress: Progress = False,
-) -> TwoLevel:
-    """Compare filters with gains of their own at little more than the cost of shared ones.
-
-    Gains that are computed once along the reference are exact to first order in the errors, so that a run on them and
-    the same run on its own gains err alike. The mean of many of the first, plus the mean difference of a few, is the
-    mean of the second without bias (Giles 2015). How many differences it takes follows from a pilot of 64: at the epoch
-    at which filters are judged, and there for position and NEES of all filters, the variance should be at most 1 +
-    excess times that of `num_runs` runs with their own gains, as far as the pilot can tell. Where that would take half
-    of the runs or more, all have their own.
+def two_levels(run: Callable[[str, int], Comparison], num_runs: int, excess: float) -> TwoLevel:
+    """Run as many with gains of their own as a pilot says, see `nav_jax.simulation.two_level`.
 
     Parameters
     ----------
-    scenario, truth, filters, key, workers, progress
-        See `compare`.
+    run
+        Kind of gains, number of runs -> the first runs with them.
     num_runs
         Number of runs on shared gains.
     excess
-        See above.
-
-    Returns
-    -------
-    TwoLevel
-        `mean` and `difference` at every epoch, and what linearisation costs: their ``correction``.
-
-    Raises
-    ------
-    ValueError
-        As in `compare`; an excess that is not positive, fewer than two runs.
-
-    Examples
-    --------
-    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
-    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
-    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
-    >>> found = nj.simulation.two_level(scenario, truth, num_runs=8, key=jax.random.key(0))
-    >>> found.mean("filter").value.shape
-    (10,)
+        See `TwoLevel`.
     """
-    num_runs = integer("num_runs", num_runs, 2)
-    excess = number("excess", excess)
-    how = {"key": key, "workers": workers, "progress": progress}
-    shared = compare(scenario, truth, filters, num_runs=num_runs, gains="reference", **how)
+    shared = run("reference", num_runs)
     num_runs = _num_runs(shared)  # of an interrupted one
-    own = compare(scenario, truth, filters, num_runs=min(_PILOT, num_runs), gains="estimate", **how)
+    own = run("estimate", min(_PILOT, num_runs))
     pilot = TwoLevel(shared, own, excess)
     wanted = _num_own(pilot, num_runs)
-    if wanted > pilot.num_own:
-        own = compare(scenario, truth, filters, num_runs=wanted, gains="estimate", **how)
-    return TwoLevel(shared, own, excess)
+    return TwoLevel(shared, run("estimate", wanted), excess) if wanted > pilot.num_own else pilot
 
 
 def _num_runs(of: Comparison) -> int:
@@ -226,7 +186,7 @@ def _num_runs(of: Comparison) -> int:
 
 def _num_own(pilot: TwoLevel, num_runs: int) -> int:
     """By the worst of all filters; all runs where the pilot cannot tell."""
-    if len(pilot._rows()[1]) < 2:
+    if pilot.num_common < 2:
         return num_runs
     k = pilot.shared.epoch()
     ratios = np.array([pilot.mean(model, of).ratio[k] for model in pilot.shared for of in _JUDGED])

@@ -11,6 +11,7 @@ from pydantic import BeforeValidator
 from pydantic.fields import FieldInfo
 
 from nav_jax.app.sections import AIDING, MOTIONS, InitialSection, RunSection, Section, TrajectoryFile
+from nav_jax.simulation.levels import TWO_LEVEL
 
 ROOM = "nav"
 """With what the names of all inputs of the room begin."""
@@ -141,5 +142,8 @@ def _of(section: type[Section], where: str, left_out: tuple[str, ...]) -> Iterat
         hint = _HINTS.get(key, "" if field.is_required() or default in (None, [], "") else str(default))
         label = _LABELS.get(key, key.replace("_", " ")) + (f" [{unit}]" if unit else "")
         kinds = (field.annotation, *get_args(field.annotation))  # itself, or where it may be left out
-        choices = next((get_args(kind) for kind in kinds if get_origin(kind) is Literal), ())
+        known = next((get_args(kind) for kind in kinds if get_origin(kind) is Literal), ())
+        choices = tuple(
+            choice for choice in known if choice != TWO_LEVEL
+        )  # means without runs: nothing to rank or draw
         yield Control(f"{ROOM}_{where}_{key}", key, label, _DEFAULTS.get(where, {}).get(key, ""), hint, choices)

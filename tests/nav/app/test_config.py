@@ -374,7 +374,7 @@ WRONG = [
     ({'attitude_sd = "1 deg"': 'attitude_sd = "-1 deg"'}, "[initial]: attitude_sd must be non-negative"),
     ({"num_runs = 3": "num_runs = 0"}, "[run], num_runs: Input should be greater than or equal to 1, and it is 0"),
     ({"num_runs = 3": 'num_runs = "3"'}, "[run], num_runs: Input should be a valid integer, and it is '3'"),
-    ({"seed = 7": 'gains = "kalman"'}, "[run], gains: Input should be 'estimate' or 'reference', and it is 'kalman'"),
+    ({"seed = 7": 'gains = "kalman"'}, "[run], gains: Input should be 'estimate', 'reference' or 'two-level', and it"),
     ({"seed = 7": "seed = 7\nworker = 2"}, "[run]: there is no key 'worker'; the keys are earth, gravity, num_runs"),
     ({"[run]": "[run"}, "is no TOML file"),
     ({"seed = 7": 'earth = "round"'}, "[run], earth: Input should be 'flat' or 'wgs84', and it is 'round'"),

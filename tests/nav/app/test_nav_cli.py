@@ -14,6 +14,7 @@ import pytest
 from nav.synthetic import make_runs, with_failures
 from typer.testing import CliRunner
 
+import nav_jax as nj
 from nav_jax import __main__
 from nav_jax.app import cli, comparison_file, demo, reports
 from nav_jax.app.cli import app
@@ -174,6 +175,34 @@ def test_saved_runs_come_back(config, known, tmp_path, no_filter_runs, suffix):
     again = Comparison.load(target)
     for name, r in known.runs.items():
         np.testing.assert_array_equal(again[name].error, r.error)
+
+
+# two levels
+
+
+@pytest.mark.slow
+def test_two_levels_print_and_write_means(config, tmp_path):
+    config.write_text(TEXT.replace("num_runs = 6", 'num_runs = 6\ngains = "two-level"'))
+    expected = read_config(config).two_level()
+    folder, saved = tmp_path / "out", tmp_path / "levels.nc"
+    result = call("compare", config, "--out", folder, "--save", saved)
+    assert result.stdout.startswith(f"{expected!r}\n")
+    assert repr(nj.load(saved)) == repr(expected)
+    assert sorted(p.name for p in folder.iterdir()) == ["comparison.json", "comparison.txt", "two_levels.png"]
+    models = json.loads((folder / "comparison.json").read_text())["models"]
+    k = expected.shared.epoch()
+    assert models["optimist"]["nees"]["value"] == pytest.approx(expected.mean("optimist", "nees").value[k])
+    (alone,) = json.loads(call("run", config, "--filter", "right", "--json", "-").stdout)["models"]
+    assert alone == "right"
+
+
+def test_two_levels_are_said_where_there_is_one(config, tmp_path):
+    config.write_text(TEXT.replace("num_runs = 6", 'num_runs = 6\ngains = "two-level"'))
+    stderr = call("campaign", config, "--store", tmp_path / "a.zarr", code=2).stderr
+    assert "[run] gains is two-level, and a campaign has one level" in stderr
+    with pytest.raises(ValueError, match="gives means and no runs to compare"):
+        read_config(config).compare()
+    assert "gains is two-level, which gives means" in call("compare", config, "--stop", "anytime", code=2).stderr
 
 
 # runs that fail or are stopped

@@ -38,13 +38,33 @@ def test_the_first_runs_are_the_same_runs_with_gains_of_their_own(found):
     np.testing.assert_allclose(found.difference("right", "calm").value, expected, rtol=1e-6, atol=1e-12)
 
 
+def test_a_comparison_of_two_levels_is_that(found):
+    again = nj.compare(SCENARIO, ERRORS, FILTERS, num_runs=192, key=KEY, gains="two-level")
+    assert isinstance(again, nj.simulation.TwoLevel)
+    assert again.excess == 0.05
+    assert again.num_own >= found.num_own  # fewer do where more excess is allowed
+    np.testing.assert_array_equal(again.shared["calm"].error, found.shared["calm"].error)
+    np.testing.assert_array_equal(again.own["calm"].error[: found.num_own], found.own["calm"].error)
+    smoothed = nj.compare(SCENARIO, ERRORS, num_runs=8, key=KEY, gains="two-level", smooth=True)
+    assert "the smoother" in smoothed.own["filter"].notes[-1]
+
+
+@pytest.mark.parametrize("option", [{"keep": [1]}, {"stop": "significant"}])
+def test_means_have_no_runs_to_keep_or_stop(option):
+    with pytest.raises(ValueError, match="Leave keep and stop out"):
+        nj.compare(SCENARIO, ERRORS, FILTERS, num_runs=8, key=KEY, gains="two-level", **option)
+    with pytest.raises(ValueError, match=r"use nav_jax\.compare"):
+        nj.monte_carlo(SCENARIO, ERRORS, num_runs=8, key=KEY, gains="two-level")
+
+
 def test_it_prints_draws_and_saves_itself(found, tmp_path):
     text = repr(found)
     assert "192 runs on shared gains" in text
     assert "own - shared [m]" in text
     assert len(found.plot().axes) == 2
-    back = nj.load(found.save(tmp_path / "levels.npz"))
-    assert repr(back) == text
+    for suffix in (".npz", ".json", ".nc", ".zarr"):
+        back = nj.load(found.save(tmp_path / f"levels{suffix}"))
+        assert repr(back) == text
     np.testing.assert_array_equal(back.mean("calm", "nees").se, found.mean("calm", "nees").se)
     with pytest.raises(ValueError, match="'height' is none of position, velocity, attitude, nees"):
         found.mean("right", "height")

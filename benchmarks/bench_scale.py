@@ -1,0 +1,93 @@
+"""Thousands of runs: loops that are compiled as a whole, chunks by cache, and two levels. R's example, as in bench_nav.
+
+Every row is the best of processes of its own, in turns. "as a command" is what `nav-jax compare` does and what
+`nj.fast_loops()` does to a script; "as a library" is without. A former commit, whose folder is the argument
+``--before``, runs beside both. Two levels are means of 5,000 runs, each with gains of its own; beside them are 2,000
+such runs with other keys. R's navigation 0.0.2: 1.75 s a run (1.25 s every 10th), quoted.
+"""
+
+import sys
+from pathlib import Path
+
+from common import ROOT, Report, fresh, seconds
+
+MODES = {"every step": ("estimate", 1, 1.75), "every 10th": ("estimate", 10, 1.25), "reference": ("reference", 1, 1.75)}
+BARS = {"every step": 0.5, "every 10th": 0.6, "reference": 0.5}
+SCRIPT = "benchmarks/bench_scale_process.py"
+
+
+def speed(report: Report, before: str | None) -> None:
+    """Whole calls of 200 runs."""
+    num_runs, turns = (32, 1) if report.quick else (200, 2)
+    ways = {"before": (before, "")} if before else {}
+    ways |= {"as a library": (ROOT, ""), "as a command": (ROOT, "fast")}
+    rows = []
+    for name, (gains, every, peer) in MODES.items():
+        first, later = dict.fromkeys(ways, float("inf")), dict.fromkeys(ways, float("inf"))
+        for _ in range(turns):
+            for way, (folder, loops) in ways.items():
+                done = fresh(SCRIPT, str(folder), loops, gains, str(every), str(num_runs), "1").answer()
+                first[way] = min(first[way], done["first"])
+                later[way] = min(later[way], done["later"] / num_runs)
+        for way in ways:
+            ratio = f"{later[way] / later['before']:.2f}" if before else ""
+            rows.append([name, way, seconds(first[way]), seconds(later[way]), ratio, f"{peer / later[way]:.0f}"])
+        if before:
+            what = f"24 states, 30,001 epochs, {num_runs} runs, covariance {name}, as a command: per run"
+            ratio = f"{later['as a command'] / later['before']:.2f}"
+            report.bar(what, f"<= {BARS[name]} x", seconds(later["as a command"]), seconds(later["before"]), ratio)
+    head = ["covariance", "how", "first call", "later, per run", "of the former commit", "times faster than R"]
+    report.table(f"24 states, whole calls of {num_runs} runs, two threads", head, rows)
+
+
+def two_levels(report: Report) -> None:
+    """Means of 5,000 runs with gains of their own."""
+    many, other = (200, 200) if report.quick else (5000, 2000)
+    rows = []
+    for name, loops in (("as a library", ""), ("as a command", "fast")):
+        level = fresh(SCRIPT, str(ROOT), loops, "two-level", "1", str(many), "1").answer()
+        own = fresh(SCRIPT, str(ROOT), loops, "estimate", "1", str(other), "2").answer()
+        rate = own["later"] / other
+        ratio = level["later"] / (rate * many)
+        rows.append([name, level["num_own"], seconds(level["later"]), seconds(rate * many), f"{ratio:.2f}"])
+        what = f"means of {many} runs with gains of their own, by two levels, {name}"
+        report.bar(
+            what, "<= 1/3 x", seconds(level["later"]), f"{seconds(rate * many)} (all with their own)", f"{ratio:.2f}"
+        )
+    head = ["how", "runs with their own gains", "two levels", "all with their own, extrapolated", "ratio"]
+    report.table(f"Two levels, {many} runs, covariance every step", head, rows)
+    if "position" in own:
+        rows = []
+        for of in ("position", "nees"):
+            value, se, correction, correction_se = level[of]
+            mean, mean_se = own[of]
+            apart = (value - mean) / (se**2 + mean_se**2) ** 0.5
+            excess = se**2 / (mean_se**2 * other / many)
+            rows.append(
+                [of, f"{value:.4f} +- {se:.4f}", f"{mean:.4f} +- {mean_se:.4f}", f"{apart:+.1f}", f"{excess:.3f}"]
+            )
+            rows[-1].append(f"{correction:+.2g} +- {correction_se:.1g}")
+        head = [
+            "at the judged epoch",
+            "two levels",
+            f"{other} other runs",
+            "sigmas apart",
+            "variance, of one level",
+            "own - shared",
+        ]
+        report.table("The same means", head, rows)
+
+
+def main() -> None:
+    before = sys.argv[sys.argv.index("--before") + 1] if "--before" in sys.argv else None
+    if before is not None:
+        before = str(Path(before).resolve())
+        del sys.argv[sys.argv.index("--before") : sys.argv.index("--before") + 2]
+    report = Report("scale", __doc__)
+    speed(report, before)
+    two_levels(report)
+    report.save()
+
+
+if __name__ == "__main__":
+    main()
