@@ -25,6 +25,7 @@ NAMES = (
     "regression",
     "nav",
     "scale",
+    "drive",
     "lincov",
     "design",
     "tuning",

@@ -324,6 +324,22 @@ def vector(name: str, what: str, components: str, given: Any) -> Float[Array, "3
     return found
 
 
+def check_size(name: str, values: Float[np.ndarray, "F 3"], size: float, what: str, unit: str) -> None:
+    """Refuse the values of a file in another unit than it says: of vectors, their length is known.
+
+    Raises
+    ------
+    ValueError
+        Half of them are more than a factor of ten off.
+    """
+    typical = float(np.median(np.linalg.norm(values, axis=1))) if len(values) else size
+    if not size / 10 < typical < 10 * size:
+        raise ValueError(
+            f"{name}: the values of the file are about {typical:.3g} {unit} long, and {what} is {size:.3g} {unit}: "
+            "state the unit of the columns in their names, or correct it."
+        )
+
+
 def direction(name: str, what: str, components: str, given: Any) -> Float[Array, "3"]:
     """The same, and not zero."""
     found = vector(name, what, components, given)

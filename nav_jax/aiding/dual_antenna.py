@@ -11,10 +11,11 @@ from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding, Setting, direction, noises, spread, timing
+from nav_jax.aiding.base import AbstractAiding, Setting, check_size, direction, noises, spread, timing
 from nav_jax.aiding.states import OwnState, own_states_of
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.kinematics.rotation import rotate
+from nav_jax.trajectory.columns import BASELINE
 
 
 class DualAntenna(AbstractAiding):
@@ -107,6 +108,13 @@ class DualAntenna(AbstractAiding):
     def predict(self, state, body):  # noqa: D102
         way = jnp.broadcast_to(self.baseline[:, None], state.v.shape)
         return rotate(state.q, way + state.x if self.offset else way)
+
+    def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
+        return BASELINE
+
+    def measured(self, values, origin):  # noqa: D102
+        check_size(self.name, values, float(np.linalg.norm(self.baseline)), "the baseline", "m")
+        return values
 
 
 class _State(NamedTuple):

@@ -11,10 +11,11 @@ from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
-from nav_jax.aiding.base import AbstractAiding, Setting, direction, noises, spread, timing
+from nav_jax.aiding.base import AbstractAiding, Setting, check_size, direction, noises, spread, timing
 from nav_jax.aiding.states import OwnState, own_states_of
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.kinematics.rotation import rotate_back
+from nav_jax.trajectory.columns import MAGNETIC
 
 
 class Magnetometer(AbstractAiding):
@@ -102,6 +103,13 @@ class Magnetometer(AbstractAiding):
     def predict(self, state, body):  # noqa: D102
         seen = rotate_back(state.q, jnp.broadcast_to(self.field[:, None], state.v.shape))
         return seen + state.x if self.iron else seen
+
+    def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
+        return MAGNETIC
+
+    def measured(self, values, origin):  # noqa: D102
+        check_size(self.name, values, float(np.linalg.norm(self.field)), "the field of the Earth", "T")
+        return values
 
 
 class _State(NamedTuple):

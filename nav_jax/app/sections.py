@@ -22,6 +22,7 @@ from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.datasheets import devices
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
+from nav_jax.imu.gravity import GravityDisturbance
 from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.imu.specification import ImuSpecification
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
@@ -175,10 +176,27 @@ MOTIONS = {name: _motion_section(generate) for name, generate in GENERATORS.item
 # -- [truth], [filters.NAME] ------------------------------------------------------------------------------------------
 
 
+class GravitySection(Section):
+    """``gravity = {...}``: arguments of `nav_jax.imu.GravityDisturbance`."""
+
+    deflection: Annotated[PerAxis, _axes_in("rad")] = 0.0
+    anomaly: Acceleration = 0.0
+    distance: Annotated[PerAxis, _axes_in("m")]
+
+    def build(self) -> GravityDisturbance:
+        """The disturbance along the track."""
+        return GravityDisturbance(**self.given())
+
+
 class _Errors(Section):
     start: Literal["stationary", "zero"] = "stationary"
     accel_bias_sd: Annotated[PerAxis, _axes_in("m/s^2")] = 0.0
     gyro_bias_sd: Annotated[PerAxis, _axes_in("rad/s")] = 0.0
+    gravity: GravitySection | None = None
+
+    def given(self, *left_out: str) -> dict[str, Any]:
+        stated = super().given(*left_out)
+        return stated if self.gravity is None else stated | {"gravity": self.gravity.build()}
 
 
 class ModelErrors(_Errors):

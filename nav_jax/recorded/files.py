@@ -261,7 +261,7 @@ def read_fixes(
 
     The columns are found by their names, or, without names, in this order: time; north, east, down (m) of a GNSS
     position; velocity north, east, down (m/s) of a GNSS velocity; height above the origin (m) of a barometer; speed
-    (m/s) of an odometer.
+    (m/s) of an odometer; field x, y, z (T) of a magnetometer; north, east, down (m) from antenna to antenna.
 
     Parameters
     ----------

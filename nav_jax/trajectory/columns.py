@@ -20,6 +20,8 @@ LOCAL_UP = ("east", "north", "up")
 ECEF = ("ecef_x", "ecef_y", "ecef_z")
 VELOCITY_UP = ("velocity_north", "velocity_east", "velocity_up")
 POSITION_SD = ("sd_north", "sd_east", "sd_down")
+MAGNETIC = ("magnetic_x", "magnetic_y", "magnetic_z")
+BASELINE = ("baseline_north", "baseline_east", "baseline_down")
 VELOCITY_SD = ("sd_velocity_north", "sd_velocity_east", "sd_velocity_down")
 _TRAJECTORY = ("time", *POSITION["ned"], *POSITION["geodetic"], *ATTITUDE, *VELOCITY)
 
@@ -49,6 +51,11 @@ _ALIASES = {
     "quality": "quality q fix fix_type fix_quality",
     "satellites": "satellites num_satellites num_sats nsat ns",
     "speed": "speed wheel_speed odometer odometer_speed v_x",
+    **{f"magnetic_{axis}": f"magnetic_{axis} mag_{axis} magnetometer_{axis} magnetic_field_{axis}" for axis in "xyz"},
+    **{
+        f"baseline_{axis}": f"baseline_{axis} baseline_{axis[0]} relpos{axis[0]} rel_pos_{axis[0]} relative_{axis}"
+        for axis in ("north", "east", "down")
+    },
     **{f"gyro_{axis}": f"gyro_{axis} gyr_{axis} gyroscope_{axis} omega_{axis} w_{axis}" for axis in "xyz"},
     **{f"accel_{axis}": f"accel_{axis} acc_{axis} accelerometer_{axis} f_{axis}" for axis in "xyz"},
 }
@@ -57,11 +64,12 @@ _ALIASES = {
 _SI = {
     "time": "s",
     **dict.fromkeys(("latitude", "longitude", *ATTITUDE), "rad"),
-    **dict.fromkeys((*POSITION["ned"], "height", "up", *ECEF, *POSITION_SD), "m"),
+    **dict.fromkeys((*POSITION["ned"], "height", "up", *ECEF, *POSITION_SD, *BASELINE), "m"),
     **dict.fromkeys((*VELOCITY, "velocity_up", "speed", *VELOCITY_SD), "m/s"),
     **dict.fromkeys(("quality", "satellites"), "1"),
     **dict.fromkeys(GYRO, "rad/s"),
     **dict.fromkeys(ACCEL, "m/s^2"),
+    **dict.fromkeys(MAGNETIC, "T"),
 }
 """Quantity -> the SI unit that measures it."""
 

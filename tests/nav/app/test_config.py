@@ -416,3 +416,18 @@ def test_files_that_are_not_there(write, tmp_path):
 def test_the_text_here_is_complete():
     """Every section is in it."""
     assert set(tomllib.loads(TEXT)) == {"trajectory", "truth", "filters", "aiding", "initial", "run"}
+
+
+def test_gravity_beside_the_model_in_its_customary_units(write):
+    """In whatever way the errors are stated, for truth and filters alike."""
+    field = 'gravity = { deflection = "6 arcsec", anomaly = "30 mGal", distance = ["20 km", 3e4, "30 km"] }'
+    by = {'start = "zero"': f'start = "zero"\n{field}', "rate = 50\n": f"rate = 50\n{field}\n"}
+    found = read_config(write(by=by))
+    for errors in (found.truth, found.filters["WN only"], found.filters["right"]):
+        assert isinstance(errors, ImuErrors)
+        assert errors.gravity is not None
+        sd = [9.80665 * np.deg2rad(6 / 3600)] * 2
+        np.testing.assert_allclose(errors.gravity.sd, [*sd, 30e-5])
+        np.testing.assert_allclose(errors.gravity.distance, [20e3, 30e3, 30e3])
+    with pytest.raises(ValueError, match="distance"):
+        read_config(write(by={'start = "zero"': 'start = "zero"\ngravity = { anomaly = "30 mGal" }'}))

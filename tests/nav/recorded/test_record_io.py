@@ -66,6 +66,26 @@ def test_fixes_of_each_sensor(tmp_path):
     np.testing.assert_array_equal(nj.read_fixes(tmp_path / "baro.csv", BARO).value, [[5], [6]])
 
 
+COMPASS = nj.aiding.Magnetometer(10.0, sd=2e-7, field=(22e-6, 1e-6, 43e-6))
+PAIR = nj.aiding.DualAntenna(1.0, horizontal=0.01, vertical=0.02, baseline=(1.0, 0.0, 0.0))
+
+
+def test_fields_and_baselines_by_their_names_and_units():
+    field = np.array([[20.0, -5.0, 43.0], [22.0, 1.0, 40.0]])
+    table = columns(("time", "mag_x_uT", "mag_y_uT", "mag_z_uT"), np.column_stack([[0.0, 0.1], field]))
+    np.testing.assert_allclose(nj.read_fixes(table, COMPASS).value, field * 1e-6)
+    way = np.array([[80.0, 60.0, 1.0], [-60.0, 80.0, 0.0]])  # as u-blox names it
+    table = columns(("time", "relPosN_cm", "relPosE_cm", "relPosD_cm"), np.column_stack([[0.0, 1.0], way]))
+    np.testing.assert_allclose(nj.read_fixes(table, PAIR, origin=(0.8, 0.1, 0.0)).value, way / 100)
+
+
+@pytest.mark.parametrize(("sensor", "named"), [(COMPASS, "about 43 T long"), (PAIR, "about 100 m long")])
+def test_vectors_in_another_unit_are_noticed_by_their_length(sensor, named):
+    values = [[0.0, 0.0, 43.0]] if sensor is COMPASS else [[60.0, 80.0, 0.0]]
+    with pytest.raises(ValueError, match=named):
+        nj.read_fixes(np.column_stack([[0.0], values]), sensor)
+
+
 def test_fixes_in_outages_are_kept_from_the_filter():
     sensor = nj.Barometer(1.0, height=0.5, outages=[(2.0, 3.0)])
     found = nj.read_fixes({"time": np.arange(1.0, 5.0), "height": np.arange(4.0)}, sensor)
