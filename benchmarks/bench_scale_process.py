@@ -22,13 +22,11 @@ from nav_case import errors, scenario
 
 import nav_jax as nj
 
-CALLS = 3
-
 
 def main() -> None:
     where, truth = scenario(every=int(every)), errors()
     spans, values = [], {}
-    for _ in range(CALLS if int(num_runs) <= 200 else 2):
+    for _ in range(3 if int(num_runs) <= 200 else 2):
         start = time.perf_counter()
         options = {"num_runs": int(num_runs), "key": jax.random.key(int(seed)), "gains": gains}
         found = nj.compare(where, truth, {"filter": truth}, **options)

@@ -9,7 +9,7 @@ duration = "5 min"
 
 [truth]
 sensor = "mti-g" # or fit = "fit.json", recording = "static.npz", or accel, gyro and rate as below
-gravity = { deflection = "6 arcsec", anomaly = "30 mGal", distance = "30 km" } # beside the Earth's, if anything
+# gravity = { deflection = "6 arcsec", anomaly = "30 mGal", distance = "30 km" }, where it is not the Earth's alone
 
 [filters]
 right = "truth"
