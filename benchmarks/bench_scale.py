@@ -1,10 +1,10 @@
 """Thousands of runs: loops that are compiled as a whole, chunks by cache, and two levels. R's example, as in bench_nav.
 
 Every row is a process of its own, in turns, and the best of its later calls. "as a command" is what `nav-jax compare`
-does and what `nj.fast_loops()` does to a script; "as a library" is without. A former commit, whose folder is the argument
-``--before`` (its nav_case with a `scenario` and a `compare` as here), runs beside both. Two levels are means of 5,000
-runs, each with gains of its own; beside them are 2,000 such runs with other keys. R's navigation 0.0.2: 1.75 s a run
-(1.25 s every 10th), quoted.
+does and what `nj.fast_loops()` does to a script; "as a library" is without. A former commit, in the folder that
+``--before`` names (its nav_case with a `scenario` and a `compare` as here), runs beside both. Two levels are means of
+5,000 runs, each with gains of its own; beside them are 2,000 such runs with other keys. R's navigation 0.0.2: 1.75 s a
+run (1.25 s every 10th), quoted.
 """
 
 import sys
