@@ -18,7 +18,7 @@ def main() -> None:
     rows = []
     for name, every in (("every step", 1), ("every 10th", 10)):
         for how, loops in (("as a library", ""), ("as a command", "fast")):
-            told = [fresh(SCRIPT, str(every), loops, "").answer() for _ in range(1 if report.quick else 2)]
+            told = [fresh(SCRIPT, str(every), loops, "").answer for _ in range(1 if report.quick else 2)]
             best = {key: min(t[key] for t in told) for key in told[0]}
             cold = best["read"] + best["first"]
             rows.append([name, how, *(seconds(best[key]) for key in ("read", "first", "later"))])
@@ -29,7 +29,7 @@ def main() -> None:
                 report.bar(what, bar, measured, "1.06 s for 600 s (KF-GINS, quoted)", ratio)
     head = ["covariance", "how", "import and read", "first call", "later call"]
     report.table("Navigating the drive", head, rows)
-    told = fresh(SCRIPT, "1", "", "study").answer()
+    told = fresh(SCRIPT, "1", "", "study").answer
     row = ["this", f"{told['median']:.2f}", f"{told['rms']:.2f}", f"{told['nees']:.2f}"]
     rows = [row, ["15 states in C++, as usually configured (quoted)", "5.35", "10.1", ""]]
     report.table(f"{told['outages']} outages of 15 s", ["filter", "median [m]", "RMS [m]", "NEES/2"], rows)

@@ -26,7 +26,7 @@ def speed(report: Report, before: str | None) -> dict[str, float]:
     for name, (gains, every, peer) in MODES.items():
         first, later = {}, {}
         for way, (folder, loops) in ways.items():
-            done = fresh(SCRIPT, str(folder), loops, gains, str(every), str(num_runs), "1").answer()
+            done = fresh(SCRIPT, str(folder), loops, gains, str(every), str(num_runs), "1").answer
             first[way], later[way] = done["first"], done["later"] / num_runs
         every_step = every_step or later
         for way in ways:
@@ -46,7 +46,7 @@ def two_levels(report: Report, every_step: dict[str, float]) -> None:
     many, other = (200, 200) if report.quick else (5000, 2000)
     rows = []
     for name, loops in (("as a library", ""), ("as a command", "fast")):
-        level = fresh(SCRIPT, str(ROOT), loops, "two-level", "1", str(many), "1").answer()
+        level = fresh(SCRIPT, str(ROOT), loops, "two-level", "1", str(many), "1").answer
         rate = every_step[name]
         ratio = level["later"] / (rate * many)
         rows.append([name, level["num_own"], seconds(level["later"]), seconds(rate * many), f"{ratio:.2f}"])
@@ -57,7 +57,7 @@ def two_levels(report: Report, every_step: dict[str, float]) -> None:
     head = ["how", "runs with their own gains", "two levels", "all with their own, extrapolated", "ratio"]
     report.table(f"Two levels, {many} runs, covariance every step", head, rows)
     if not report.quick:
-        own, rows = fresh(SCRIPT, str(ROOT), "fast", "estimate", "1", str(other), "2").answer(), []
+        own, rows = fresh(SCRIPT, str(ROOT), "fast", "estimate", "1", str(other), "2").answer, []
         for of in ("position", "nees"):
             value, se, correction, correction_se = level[of]
             mean, mean_se = own[of]
