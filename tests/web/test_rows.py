@@ -68,7 +68,7 @@ temporary files of a server that was killed | test_guard::test_killed_during_an_
 texts in CSV are no formulas | test_tables::test_texts_are_no_formulas_and_numbers_stay_numbers
 names in figures are no tags | test_figures::test_names_are_no_tags
 inputs in links | test_guard::test_two_hundred_links_of_nonsense
-compiled programs are their owner's | test_turns::test_compiled_programs_are_their_owners
+compiled programs are their owner's | test_compiled::test_compiled_programs_are_their_owners
 behind a proxy | test_guard::test_behind_a_proxy
 files of the server by name alone | test_guard::test_what_is_stored_on_the_server_is_found_by_name_alone
 """
