@@ -10,8 +10,9 @@ are converted at the door. Process parameters are *per sample*; they become cont
 entries only through `Fit.continuous`, `Fit.datasheet` and `gmwm_jax.units`, with the sampling rate stated.
 
 The package never changes JAX's configuration: turn 64-bit floats on first,
-``jax.config.update("jax_enable_x64", True)``. Where XLA has few threads of its own, on CPUs with less than 8 cores, two
-threads of yours may wait for each other for ever: import this before JAX computes anything, and XLA has enough.
+``jax.config.update("jax_enable_x64", True)``. On CPUs with few cores XLA has few threads (jaxlib 0.10). What several
+threads of yours call here takes turns for them. Programs of your own with a search for a minimum in them, run by several
+threads, may wait for each other for ever, unless the environment gives XLA more before it starts: ``NPROC=16``.
 
 Power spectral densities are two-sided: white noise of variance sigma2 per sample has q = sigma2/f. A one-sided
 amplitude density is larger by sqrt(2). Scales are spans of the Haar filter; the wavelet variance is half the Allan
@@ -52,8 +53,6 @@ IEEE Std 952-1997, annex C. Guide for single-axis interferometric fibre-optic gy
 """
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
-
-from gmwm_jax._internal.xla_threads import have_enough_threads as _have_enough_threads
 
 if _TYPE_CHECKING:
     from gmwm_jax import fitting as fitting
@@ -104,7 +103,5 @@ else:
     from gmwm_jax._internal.lazy import lazily as _lazily
 
     __getattr__, __dir__, __all__ = _lazily(__name__)
-
-_have_enough_threads()
 
 __version__ = "0.1.0"

@@ -26,15 +26,18 @@ def compiled_quickly(static_argnums: tuple[int, ...] = ()) -> Callable[[Callable
 
         @wraps(f)
         def call(*values: Any) -> Any:
-            # a program is traced where values are, or what goes to the device
-            seen = (*jax.tree.leaves(values), jax.device_put(_NOTHING))
-            return (f if any(isinstance(x, jax.core.Tracer) for x in seen) else compiled)(*values)
+            return (f if is_traced(*values) else compiled)(*values)
 
         # of the program that it is outside
         call.__dict__.update(_cache_size=compiled._cache_size, clear_cache=compiled.clear_cache)
         return call
 
     return decorate
+
+
+def is_traced(*values: Any) -> bool:
+    """Whether what is called with these values belongs to a program: they are traced, or what goes to the device is."""
+    return any(isinstance(x, jax.core.Tracer) for x in (*jax.tree.leaves(values), jax.device_put(_NOTHING)))
 
 
 class _QuietNumpy:

@@ -23,6 +23,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.checks import concrete, require_x64
+from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting.bounds import Bounds
 from gmwm_jax.fitting.problem import Problem, require_fittable
 from gmwm_jax.fitting.reduced import Data, Layout, columns_and_slopes
@@ -265,7 +266,7 @@ def _solve_once(
     return minimum, residual @ omega @ residual, solution
 
 
-_solve = jax.jit(_solve_once, static_argnums=0)
+_solve = few_at_a_time(jax.jit(_solve_once, static_argnums=0))
 
 
 class _AtBounds(NamedTuple):

@@ -15,6 +15,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.chunks import chunks
+from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.reduced import Data, Layout
 from gmwm_jax.fitting.result import Fit
@@ -127,6 +128,7 @@ def _solve_near(
     return found._replace(objective=found.objective * unit**2), converged
 
 
+@few_at_a_time
 @partial(jax.jit, static_argnums=0)
 def _minimise_all(
     layout: Layout, starts: Any, y: Any, whitener: Any, tau: Any, bounds: Any, shapes: Any, amplitudes: Any

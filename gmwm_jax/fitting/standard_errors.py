@@ -15,6 +15,7 @@ from jax import Array, lax
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.host import compiled_quickly, known, namespace
+from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.processes.base import Composite
 
 _RANK_TOLERANCE = 1e-8
@@ -207,6 +208,7 @@ class ConditionalFits(NamedTuple):
     """Shape (N, P): Which of the latter move along a direction that data do not see."""
 
 
+@few_at_a_time
 @compiled_quickly(static_argnums=(0,))
 def conditional_fits(
     quantity: Callable[[Composite], Array],

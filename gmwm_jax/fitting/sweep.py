@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.chunks import chunks
 from gmwm_jax._internal.typing import PRNGKey
+from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting.estimator import as_fit
 from gmwm_jax.fitting.problem import Problem
 from gmwm_jax.fitting.reduced import Data, Layout
@@ -147,6 +148,7 @@ def _in_chunks(function: Any, *arrays: np.ndarray, size: int, advance: Callable[
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:num], *parts)
 
 
+@few_at_a_time
 @partial(jax.jit, static_argnums=0)
 def _minimise_all(layout: Layout, data: Any, placements: Any, nodes: Any, present: Any) -> Solution:
     def one(placements: Array, nodes: Array, present: Array) -> Solution:
@@ -155,6 +157,7 @@ def _minimise_all(layout: Layout, data: Any, placements: Any, nodes: Any, presen
     return jax.vmap(one)(placements, nodes, present)
 
 
+@few_at_a_time
 @partial(jax.jit, static_argnums=0)
 def _minimise_all_near(layout: Layout, data: Any, y: Any, starts: Any, present: Any) -> Solution:
     def one(y: Array, starts: Array, present: Array) -> Solution:

@@ -18,6 +18,7 @@ import uvicorn
 
 from gmwm_jax._internal.compiled import keep_compiled
 from gmwm_jax._internal.interrupts import AbandonableExecutor
+from gmwm_jax._internal.xla_threads import have_enough_threads
 from gmwm_jax.app.web.guard import Guard
 from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.page import application
@@ -164,6 +165,7 @@ def serve(
     OSError
         No port is free, or the host is none of this machine.
     """
+    have_enough_threads()
     # a thread that makes many short calls of JAX waits so long after each for one that computes in Python
     sys.setswitchinterval(_SWITCH)
     if cache:
