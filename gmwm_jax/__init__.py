@@ -11,8 +11,8 @@ entries only through `Fit.continuous`, `Fit.datasheet` and `gmwm_jax.units`, wit
 
 The package never changes JAX's configuration: turn 64-bit floats on first,
 ``jax.config.update("jax_enable_x64", True)``. On CPUs with few cores XLA has few threads (jaxlib 0.10). What several
-threads of yours call here takes turns for them. Programs of your own with a search for a minimum in them, run by several
-threads, may wait for each other for ever, unless the environment gives XLA more before it starts: ``NPROC=16``.
+threads of yours call here takes turns for them. Programs of your own that search for minima, run by several threads,
+may wait for each other for ever, unless the environment gives XLA more before it starts: ``NPROC=16``.
 
 Power spectral densities are two-sided: white noise of variance sigma2 per sample has q = sigma2/f. A one-sided
 amplitude density is larger by sqrt(2). Scales are spans of the Haar filter; the wavelet variance is half the Allan

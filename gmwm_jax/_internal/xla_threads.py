@@ -48,8 +48,9 @@ def few_at_a_time(program: Callable[..., Any]) -> Callable[..., Any]:
         with _turns():
             return jax.block_until_ready(program(*values))
 
-    compiled: Any = program
-    call.__dict__.update(_cache_size=compiled._cache_size, clear_cache=compiled.clear_cache)
+    # of the program that it is outside, where it has them
+    names = ("_cache_size", "clear_cache")
+    call.__dict__.update({name: getattr(program, name) for name in names if hasattr(program, name)})
     return call
 
 

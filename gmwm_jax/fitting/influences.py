@@ -26,6 +26,7 @@ from gmwm_jax._internal.labelled import Arrays, Labelled, Values
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
+from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting.estimation import Estimates, estimate
 from gmwm_jax.fitting.problem import require_fittable
 from gmwm_jax.fitting.weights import AbstractWeights, Given, WeightsLike, as_weights
@@ -283,6 +284,7 @@ def _moved(
     return estimate(there, model, weights=_Scaled(as_weights(weights), factors))
 
 
+@few_at_a_time
 @eqx.filter_jit
 def _at_estimate(
     wv: WaveletVariance, model: Composite, weights: Any
@@ -299,6 +301,7 @@ def _at_estimate(
     return found, values, (by_nu, by_factors, jnp.diagonal(fitted))
 
 
+@few_at_a_time
 @eqx.filter_jit
 def _refits(
     wv: WaveletVariance, model: Composite, weights: Any, nus: Float[Array, "B J"], factors: Float[Array, "B J"]

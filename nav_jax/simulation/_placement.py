@@ -25,10 +25,8 @@ from nav_jax.filter.layout import GROUPS, JUDGED
 _SIZES = range(64, 129, 8)
 """Runs in a chunk on a CPU with room for them in the cache of a core: whole vectors, and enough to pay for a step; more
 come back later when interrupted."""
-_SMALL = range(32, 23, -8)
-"""The same on shared gains where that cache is small: 32 runs took 0.39 of the time that 64 take, on 512 KiB."""
-_SMALL_CACHE = 2**20
-"""Bytes up to which it is small."""
+_SMALL_CACHE = 2**19
+"""Bytes up to which that cache is small, and holds the covariances of fewer runs. With 1 MiB 104 took as long as 24."""
 _PARTS = 36
 """Of a small cache that the covariances of a chunk fill together, with 8 bytes a number and what a step holds beside
 them. On 512 KiB that is 24 runs of 24 states, which took 0.70 (a covariance every step) and 0.50 (every tenth) of the
@@ -145,10 +143,8 @@ def _sizes(num_states: int, *, shared: bool) -> Sequence[int]:
     if fast and not shared:
         room = _fitting(cache or _SMALL_CACHE, _PARTS_IN_ONE, num_states)
         return [size for size in _IN_ONE if size <= room] or [8]
-    if fast or cache is None or cache > _SMALL_CACHE:
-        return _SIZES  # what is compiled as a whole, on shared gains, holds little of a run
-    if shared:
-        return _SMALL
+    if shared or cache is None or cache > _SMALL_CACHE:
+        return _SIZES  # runs on shared gains have no covariances of their own
     most = min(_SIZES[-1], max(8, _fitting(cache, _PARTS, num_states)))
     return [size for size in range(most, max(8, 2 * most // 3 // 8 * 8) - 1, -8) if size != _STRIDE]
 

@@ -82,7 +82,7 @@ def test_other_devices_take_all_that_find_room(monkeypatch, limit, low, high):
     assert found.workers == 1
 
 
-@pytest.mark.parametrize("cache", [None, 2**21])
+@pytest.mark.parametrize("cache", [None, 2**20, 2**21])
 def test_threads_of_a_cpu_have_chunks_that_come_out_even(monkeypatch, cache):
     monkeypatch.setattr(_placement, "core_cache", lambda: cache)
     assert place(128, workers=2).each == 64
@@ -95,7 +95,7 @@ def test_chunks_fit_into_a_small_cache(monkeypatch):
     monkeypatch.setattr(_placement, "core_cache", lambda: 2**19)
     assert place(480, workers=2).each == 24
     assert place(200, workers=2).each == 16  # 7 x 16 are fewer than 5 x 24
-    assert place(512, workers=2, shared=True).each == 32
+    assert place(512, workers=2, shared=True).each == 64
     setup = Setup(SCENARIO, TRUTH.rate)
     options = {"chunk_size": None, "workers": 2, "devices": None, "shared": False, "smooth": False}
     assert placement(setup, 60, 512, **options).each == 8
