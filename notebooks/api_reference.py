@@ -25,14 +25,15 @@ def chapters(package):
 
 
 def public_names(module):
-    """Return the names that a module defines or exports, in its own order."""
+    """Return the names that a module defines or exports, in its own order; a room may export what both packages share."""
     package = module.__name__.split(".")[0]
+    ours = PACKAGES if hasattr(module, "__path__") else (package,)
     names = []
     for name, thing in vars(module).items():
         if inspect.ismodule(thing):
             public = name in NAMESPACES
         else:  # a constant has no module, what is imported from another library has another one
-            public = (getattr(thing, "__module__", None) or package).split(".")[0] == package
+            public = (getattr(thing, "__module__", None) or package).split(".")[0] in ours
         if public and not name.startswith("_"):
             names.append(name)
     return names
@@ -41,6 +42,8 @@ def public_names(module):
 def door(package):
     """Return a text for the page of a package: what its door exports, chapter by chapter."""
     top = importlib.import_module(package)
+    for name in dir(top):  # a name is loaded when it is asked for
+        getattr(top, name)
     lines = ["", "", "At the door", "-----------"]
     listed = set()
     for chapter in chapters(package):

@@ -132,7 +132,7 @@ def as_command(run: Callable[..., None], parameters: Iterable[inspect.Parameter]
     asked = inspect.Parameter(NO_CACHE, keyword, default=False, annotation=Annotated[bool, option])
 
     @functools.wraps(run)
-    def command(context: typer.Context, **options: Any) -> None:
+    def command(context: Any, **options: Any) -> None:
         keep = not says_itself and not options.pop(NO_CACHE)
         if not keep and not says_itself:
             os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # read when JAX is imported, here and by workers

@@ -81,6 +81,7 @@ all results of this package. A process of your own is in no file: who reads it m
 """  # noqa: E501
 
 from gmwm_jax._internal.channels import Channels as Channels
+from gmwm_jax._internal.compiled import keep_compiled as keep_compiled
 from gmwm_jax._internal.saved import load as load
 from gmwm_jax.fitting import weights as weights
 from gmwm_jax.fitting.bayes import Constraint as Constraint

@@ -23,6 +23,7 @@ How to read a comparison
 """  # noqa: E501
 
 from gmwm_jax._internal.saved import load as load
+from gmwm_jax._internal.xla_loops import fast_loops as fast_loops
 from nav_jax.simulation.campaign import compare as compare
 from nav_jax.simulation.campaign import monte_carlo as monte_carlo
 from nav_jax.simulation.campaign import two_level as two_level
