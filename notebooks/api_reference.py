@@ -25,7 +25,7 @@ def chapters(package):
 
 
 def public_names(module):
-    """Return the names that a module defines or exports, in its own order; rooms may export what both packages share."""
+    """Return the names that a module defines or exports, in its own order; rooms export what both packages share."""
     package = module.__name__.split(".")[0]
     ours = PACKAGES if hasattr(module, "__path__") else (package,)
     names = []
