@@ -7,8 +7,9 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, of_kind, typed_key
+from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.progress import Bar, Progress, progress_bar
 from nav_jax.campaign.contents import KEEPS
 from nav_jax.campaign.environment import differences, environment
@@ -231,7 +233,10 @@ class Campaign:
     # -- computing --------------------------------------------------------------------------------------------------
 
     def cost(self) -> Cost:
-        """Compute two chunks of each scenario, and say what all of them will take.
+        """Compute a few chunks of each scenario, and say what all of them will take.
+
+        The first by itself, since it compiles, and then as many at a time as `run` computes in its threads: one alone
+        takes more CPU time, that of cores which wait for it.
 
         Returns
         -------
@@ -239,14 +244,19 @@ class Campaign:
             CPU time of this process, and bytes on disk.
         """
         first = later = 0.0
-        with tempfile.TemporaryDirectory() as folder:
-            pilot = self._copy(2)
+        num_later = num_threads()
+        with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(num_later) as threads:
+            pilot = self._copy(1 + num_later)
             store = pilot._open_store(Path(folder) / "pilot.zarr")
             frame = _bytes_below(store.path)
             for scenario in self.scenarios:
-                before, after = (_computed(store, scenario, chunk) for chunk in (0, 1))
-                first, later = first + before, later + after
-            num_bytes = (_bytes_below(store.path) - frame) // 2
+                begin = time.process_time()
+                _compute(store, scenario, 0)
+                compiled = time.process_time()
+                list(threads.map(partial(_compute, store, scenario), range(1, 1 + num_later)))
+                first += compiled - begin
+                later += (time.process_time() - compiled) / num_later
+            num_bytes = (_bytes_below(store.path) - frame) // (1 + num_later)
         return Cost(first, later, self._num_chunks, num_bytes, frame)
 
     def run(
@@ -607,14 +617,12 @@ def _statistics(template: Runs, totals: Mapping[str, Any]) -> Statistics:
     )
 
 
-def _computed(store: Store, scenario: str, chunk: int) -> float:
-    """CPU s of a task in this process, and of looking at what it wrote."""
-    begin = time.process_time()
+def _compute(store: Store, scenario: str, chunk: int) -> None:
+    """Do a task, and look at what it wrote."""
     told = run_task(str(store.path), store.specification.digest, store.num_chunks, scenario, chunk)
     if told.problem is not None:
         raise RuntimeError(f"{scenario}: {told.problem}")
     store.read(scenario, chunk)
-    return time.process_time() - begin
 
 
 def _by_scenario(tasks: Iterable[Task]) -> dict[str, tuple[int, ...]]:

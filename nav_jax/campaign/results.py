@@ -75,7 +75,7 @@ class CampaignStatus:
 
 @dataclass(frozen=True, repr=False)
 class Cost:
-    """What a campaign takes, from two chunks of each scenario that were computed.
+    """What a campaign takes, from a few chunks of each scenario that were computed.
 
     Attributes
     ----------

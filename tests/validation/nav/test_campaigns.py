@@ -180,15 +180,27 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
     assert many < 1.25 * few + 500_000, (few, many)
 
 
-def test_cost_is_what_is_used(tmp_path):
+SPECIFICATIONS = {
+    "shared gains": {"num_runs": 512},
+    "gains of their own": {"num_runs": 256, "gains": "estimate"},
+    "all of every run": {"num_runs": 256, "keep": "runs"},
+}
+
+
+@pytest.mark.parametrize("name", SPECIFICATIONS)
+def test_cost_is_what_is_used(name, tmp_path):
+    """Within 25 %, in the middle one of three comparisons, since other work on the machine takes part in each."""
     reference = nj.motions.lemniscate(60.0, 50.0)
     scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
     truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", 50.0)
-    study = nj.Campaign(scenario, truth, key=jax.random.key(1), num_runs=512)
-    cost = study.cost()
-    begin = time.process_time()
-    study.run(tmp_path / "study.zarr")
-    used = time.process_time() - begin
-    num_bytes = sum(map(len, files_of(tmp_path / "study.zarr").values()))
-    assert abs(cost.chunk_seconds * cost.num_chunks / used - 1) < 0.25, (cost, used)
+    study = nj.Campaign(scenario, truth, key=jax.random.key(1), **SPECIFICATIONS[name])
+    shares = []
+    for i in range(3):
+        cost = study.cost()
+        begin = time.process_time()
+        study.run(tmp_path / f"{i}.zarr")
+        used = time.process_time() - begin
+        shares.append(cost.chunk_seconds * cost.num_chunks / used)
+    assert abs(sorted(shares)[1] - 1) < 0.25, shares
+    num_bytes = sum(map(len, files_of(tmp_path / "0.zarr").values()))
     np.testing.assert_allclose(cost.num_bytes, num_bytes, rtol=0.25)
