@@ -6,22 +6,14 @@ the reference, whose gains all runs share; to first order in the errors the same
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
+from nav_jax.filter.between import Between
 from nav_jax.filter.ekf import correction, inject, mechanise, mechanise_with_motion, residual_covariance, update
-from nav_jax.filter.error_model import (
-    Covariance,
-    blocks,
-    covariance_under_earth,
-    full,
-    propagate,
-    transition,
-    under_earth,
-)
+from nav_jax.filter.error_model import Covariance, blocks, covariance_under_earth, full, under_earth
 from nav_jax.filter.gating import gated_update
 from nav_jax.filter.measurement import Measurements, Sensors, compensated_means, measurements, whitened
 from nav_jax.filter.score import Judgement, Truth, claim, judge
@@ -70,27 +62,24 @@ def run_estimate(
     moves = aiding.uses_body or bank.depends
     alike = alone(bank)
     kinds = step_noises(alike, timeline.dt, timeline.ends)
+    between = Between(bank, kinds, timeline.earth, at_every_step=trace)
     one = _identity(P_start, inputs.start.p.shape[1]) if remember else None
 
     def step(carry, given):
-        state, P, status, noise, Phi, pull = carry
+        state, at, status, noise, pull = carry
         kind, imu, own, shaken = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
         sensed = imu[:, :, None] + errors
         state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth, pull)
-        now = jax.tree.map(lambda a: a[kind], kinds)
-        if shaken is not None:
-            now = eqx.tree_at(lambda n: n.integrated, now, now.integrated + shaken)
-        Phi = None if Phi is None else transition(Phi, motion, now)
-        P = propagate(P, motion, now)
-        kept = _estimate(state, bank, claim(P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None
-        return (state, P, status, noise, Phi, pull), kept
+        at = between.step(at, motion, kind, shaken)
+        kept = _estimate(state, bank, claim(at.P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None
+        return (state, at, status, noise, pull), kept
 
     def event(carry, given):
-        state, P, status, noise, Phi, pull = carry
+        state, underway, status, noise, pull = carry
         at, z, own = given
-        P, Phi = _under_earth(P, Phi, timeline, pull, at.halves, 0)
+        P, Phi = _under_earth(*between.end(underway), timeline, pull, at.halves, 0)
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
         means = compensated_means(at.means, _of_means(inputs, aiding, noise, own), bank, state.x)
@@ -115,7 +104,7 @@ def run_estimate(
         pull = timeline.earth.pull(state.p)
         P, begin = _under_earth(P, one, timeline, pull, at.halves, 1)
         kept = judgement, innovation, done.variance, state, memory, left, passed
-        return (state, P, status, noise, begin, pull), kept
+        return (state, between.begin(P, begin), status, noise, pull), kept
 
     num_runs = inputs.start.p.shape[1]
     P = blocks(jnp.broadcast_to(P_start[:, :, None], (*P_start.shape, num_runs)))
@@ -123,7 +112,8 @@ def run_estimate(
     pull = timeline.earth.pull(inputs.start.p)
     sd = claim(P, alike, _first(timeline)).sd if trace else None
     P, begin = _under_earth(P, one, timeline, pull, _events(timeline).halves, (0, 0))
-    start = (inputs.start, P, jnp.zeros(num_runs, dtype=jnp.int32), inputs.errors.begin(), begin, pull)
+    good = jnp.zeros(num_runs, dtype=jnp.int32)
+    start = (inputs.start, between.begin(P, begin), good, inputs.errors.begin(), pull)
     steps = (timeline.pattern, timeline.imu, inputs.errors.per_step, timeline.shaken)
     events = (_events(timeline), inputs.z, inputs.errors.per_segment)
     last, (kept, out) = time_loop(step, event, start, steps, events)
@@ -156,22 +146,21 @@ def reference_gains(
     moves = aiding.uses_body or bank.depends
     alike = alone(bank)
     kinds = step_noises(alike, timeline.dt, timeline.ends)
+    between = Between(bank, kinds, timeline.earth, at_every_step=trace)
     one = _identity(P_start, 1) if remember else None
 
     def step(carry, given):
-        state, P, Phi, pull = carry
+        state, at, pull = carry
         kind, imu = given
         state, motion = mechanise_with_motion(
             state, imu[:, :, None], timeline.dt[kind], timeline.ends[kind], bank, timeline.earth, pull
         )
-        now = jax.tree.map(lambda a: a[kind], kinds)
-        Phi = None if Phi is None else transition(Phi, motion, now)
-        P = propagate(P, motion, now)
-        return (state, P, Phi, pull), claim(P, alike, imu[0, :, None]).sd if trace else None
+        at = between.step(at, motion, kind)
+        return (state, at, pull), claim(at.P, alike, imu[0, :, None]).sd if trace else None
 
     def event(carry, at):
-        state, P, Phi, pull = carry
-        P, Phi = _under_earth(P, Phi, timeline, pull, at.halves, 0)
+        state, underway, pull = carry
+        P, Phi = _under_earth(*between.end(underway), timeline, pull, at.halves, 0)
         sensed = at.sensed[:, None]
         reading = bank.compensated(sensed, state.x) if moves else None
         means = compensated_means(at.means, None, bank, state.x)
@@ -183,13 +172,14 @@ def reference_gains(
         pull = timeline.earth.pull(state.p)
         claimed = claim(P, alike, sensed)
         P, begin = _under_earth(P, one, timeline, pull, at.halves, 1)
-        return (state, P, begin, pull), Gains(done, claimed, memory, kept, None)
+        return (state, between.begin(P, begin), pull), Gains(done, claimed, memory, kept, None)
 
     P = blocks(P_start[:, :, None])
     events = _events(timeline)
     at_start, pull = claim(P, alike, _first(timeline)).sd, timeline.earth.pull(start.p)
     P, begin = _under_earth(P, one, timeline, pull, events.halves, (0, 0))
-    _, (sd, gains) = time_loop(step, event, (start, P, begin, pull), (timeline.pattern, timeline.imu), events)
+    begin = start, between.begin(P, begin), pull
+    _, (sd, gains) = time_loop(step, event, begin, (timeline.pattern, timeline.imu), events)
     return gains._replace(sd=(at_start, sd)) if trace else gains
 
 

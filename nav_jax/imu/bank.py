@@ -199,6 +199,16 @@ def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"], of: tuple[int
     return total
 
 
+def to_states(channels: tuple[int, ...], Y: Float[Array, "_ *K"], of: tuple[int, ...] = IMU) -> Float[Array, "M *K"]:
+    """What the channel of each state has, for states that all have one of some consecutive channels."""
+    rest, parts = Y.shape[1:], [jnp.zeros((0, *Y.shape[1:]))]
+    for run in _runs(channels, of):
+        first, num = run.first - of[0], run.stop - run.start
+        each = Y[first : first + run.channels][:, None]
+        parts.append(jnp.broadcast_to(each, (run.channels, num // run.channels, *rest)).reshape(num, *rest))
+    return parts[1] if len(parts) == 2 else jnp.concatenate(parts)
+
+
 class _Run(NamedTuple):
     start: int
     stop: int

@@ -27,8 +27,9 @@ from jaxtyping import Bool, Float, Int
 
 from gmwm_jax._internal.programs import bounded
 from nav_jax.aiding.states import joined, power
+from nav_jax.filter.between import Between
 from nav_jax.filter.ekf import mechanise_with_motion, update
-from nav_jax.filter.error_model import Covariance, Motion, blocks, covariance_under_earth, full, propagate
+from nav_jax.filter.error_model import Covariance, Motion, blocks, covariance_under_earth, full
 from nav_jax.filter.experiment import Experiment
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.layout import NAVIGATION
@@ -251,7 +252,9 @@ def covariances_of_many(
     motion = motion if joint.depends else motion._replace(reading=None)
     motion = motion if joint.travel is not None else motion._replace(distance=None)
     readout, white = jax.vmap(lambda a: (a.readout, a.white), out_axes=-1)(aiding)
-    kinds = [step_noises(banks, timeline.dt, timeline.ends) for banks in (ours, joint)]
+    betweens = [
+        Between(banks, step_noises(banks, timeline.dt, timeline.ends), timeline.earth) for banks in (ours, joint)
+    ]
     # as in a Monte Carlo, rounding errors are no part of what the states stand for
     lasting = eqx.tree_at(lambda b: b.readout, joint, joint.readout * _is_lasting(joint))
     sound = _positive(joint.white.T, white, variance[:, None], *(_diagonals(b) for b in (ours, joint)))
@@ -261,12 +264,11 @@ def covariances_of_many(
 
     def step(carry, given):
         kind, motion = given
-        now = jax.tree.map(lambda a: a[kind], kinds)
-        return tuple(propagate(P, motion, noise) for P, noise in zip(carry, now, strict=True)), None
+        return tuple(b.step(at, motion, kind) for b, at in zip(betweens, carry, strict=True)), None
 
     def event(carry, given):
         valid, elapsed, sensed, partials, truth, earth = given
-        P, J = (_under_earth(X, timeline, earth, 0) for X in carry)
+        P, J = (_under_earth(b.end(at)[0], timeline, earth, 0) for b, at in zip(betweens, carry, strict=True))
         sensed = sensed[:, None]
         H, of_rest = constant, readout
         if H is None:
@@ -286,14 +288,16 @@ def covariances_of_many(
             valid * done.variance,
             positive,
         )
-        return tuple(_under_earth(X, timeline, earth, 1) for X in (P, J)), out
+        return tuple(b.begin(_under_earth(X, timeline, earth, 1)) for b, X in zip(betweens, (P, J), strict=True)), out
 
     P = jax.vmap(lambda bank: start_covariance(initial, bank), out_axes=-1)(ours)
     J = jax.vmap(lambda n, bank: n.aiding.advance(block_diag(n.start, bank.initial), n.aiding.first), out_axes=-1)(
         noises, joint
     )
     earth = _pulls(experiment)
-    carry = tuple(_under_earth(blocks(X), timeline, jax.tree.map(lambda a: a[0], earth), 0) for X in (P, J))
+    first = jax.tree.map(lambda a: a[0], earth)
+    begin = (_under_earth(blocks(X), timeline, first, 0) for X in (P, J))
+    carry = tuple(b.begin(X) for b, X in zip(betweens, begin, strict=True))
     events = (timeline.valid, elapsed, timeline.sensed, partials, timeline.truth, earth)
     found = time_loop(step, event, carry, (timeline.pattern, motion), events)[1][1]
     return jax.tree.map(lambda a: jnp.moveaxis(jnp.broadcast_to(a, (*a.shape[:-1], lanes)), -1, 0), found)
