@@ -20,10 +20,9 @@ from nav_jax.filter.timeline import Gains
 from nav_jax.simulation.collected import Collected, run_chunk
 from nav_jax.simulation.runs import Runs
 
-AT_ONCE = {"estimate": 16, "reference": 32}
-"""Runs that are computed at once, of chunks of a multiple of them, by how gains are found. The last bits depend on it,
-so that it depends on no machine. With 24 states and gains of their own, runs take 0.44 to 0.79 of the time that they
-take 64 at once, and 1.08 only where loops are not compiled as a whole and caches are large."""
+AT_ONCE = 64
+"""Runs that are computed at once, of chunks of a multiple of them. The last bits depend on it, so that it depends on no
+machine; see `nav_jax.simulation._placement` for how the time depends on it."""
 
 
 class Told(NamedTuple):
@@ -118,8 +117,7 @@ class Bench:
 
     def _computed(self, chunk: int, gains: Mapping[str, Gains | None]) -> dict[str, np.ndarray]:
         definition, size = self.definition, self.definition.chunk_size
-        part = AT_ONCE[definition.gains]
-        part = part if size % part == 0 else size
+        part = AT_ONCE if size % AT_ONCE == 0 else size
         collected = {name: Collected(self.setup, size) for name in definition.filters}
         for first in range(0, size, part):
             start = chunk * size + first

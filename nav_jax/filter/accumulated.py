@@ -21,6 +21,7 @@ of which the last is A N A' + A S H' + H S' A' + H q H' and the white noise, hal
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -251,5 +252,6 @@ def _in_order(X: Columns, states: tuple[SensorState, ...]) -> Float[Array, "nav 
 
 
 def _product(X: Float[Array, "I J R"], Y: Float[Array, "J K #R"]) -> Float[Array, "I K R"]:
-    """X Y of every run."""
-    return jnp.sum(X[:, :, None] * Y[None], axis=1)
+    """X Y of every run; term by term it is vector code, which a reduction is not."""
+    zero = jnp.zeros((X.shape[0], Y.shape[1], X.shape[2]))
+    return jax.lax.scan(lambda XY, xy: (XY + xy[0][:, None] * xy[1][None], None), zero, (transpose(X), Y))[0]

@@ -18,27 +18,18 @@ from jaxtyping import Key
 from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.cores import core_cache, num_threads
 from gmwm_jax._internal.memory import FLOAT
-from gmwm_jax._internal.xla_loops import loops_are_fast
 from nav_jax.filter.experiment import Setup, run_keys
 from nav_jax.filter.layout import GROUPS, JUDGED
 
 _SIZES = range(64, 129, 8)
 """Runs in a chunk on a CPU with room for them in the cache of a core: whole vectors, and enough to pay for a step; more
 come back later when interrupted."""
-_SMALL_CACHE = 2**19
-"""Bytes up to which that cache is small, and holds the covariances of fewer runs. With 1 MiB 104 took as long as 24."""
-_PARTS = 36
-"""Of a small cache that the covariances of a chunk fill together, with 8 bytes a number and what a step holds beside
-them. On 512 KiB that is 24 runs of 24 states, which took 0.70 (a covariance every step) and 0.50 (every tenth) of the
-time that 64 take; of 15 states 64 were the best, and of 54 states 8."""
-_IN_ONE = (16, 24)
-"""The same with covariances where loops are compiled as a whole, if the cache has room for them: of 24
-states 0.44 (512 KiB) and 0.57 (2 MiB) of the time that 64 take, of 15 states as much as 64; of 54 states 8 took 0.36 of
-the time of 16."""
-_PARTS_IN_ONE = 54
-"""Of the cache that their covariances fill then."""
-_STRIDE = 32
-"""Runs of which columns of covariances come to lie on the same sets of the cache: 32 took twice the time of 24."""
+_STEP = 37
+"""Numbers of a run for each of its states that a step with a covariance of its own goes through. A chunk has as many
+runs as fill half of the cache of a core with them, or down to half as many. With 24 states and 1 MiB that is 72: 40 to
+72 take the same time, 16 take 1.3 and, where loops are compiled as a whole, 80 take 1.4 times as long."""
+_FEWEST = 24
+"""Fewer pay badly for a step: with 57 states and 1 MiB 16 to 64 take the same time, and 8 take 1.4 times as long."""
 _SMOOTHER_BYTES = 1_000_000_000
 """What the covariances of all chunks that are smoothed at once may take."""
 _SHARE = 0.5
@@ -139,18 +130,11 @@ def placement(
 
 def _sizes(num_states: int, *, shared: bool) -> Sequence[int]:
     """Of chunks that stay in the cache of a core, the preferred ones first."""
-    cache, fast = core_cache(), loops_are_fast()
-    if fast and not shared:
-        room = _fitting(cache or _SMALL_CACHE, _PARTS_IN_ONE, num_states)
-        return [size for size in _IN_ONE if size <= room] or [8]
-    if shared or cache is None or cache > _SMALL_CACHE:
+    cache = core_cache()
+    if shared or cache is None:
         return _SIZES  # runs on shared gains have no covariances of their own
-    most = min(_SIZES[-1], max(8, _fitting(cache, _PARTS, num_states)))
-    return [size for size in range(most, max(8, 2 * most // 3 // 8 * 8) - 1, -8) if size != _STRIDE]
-
-
-def _fitting(cache: int, parts: int, num_states: int) -> int:
-    return cache // (parts * num_states**2) // 8 * 8
+    most = min(_SIZES[-1], max(_FEWEST, cache // 2 // (_STEP * FLOAT * num_states) // 4 * 4))
+    return range(most, most // 2 // 4 * 4 - 1, -4)
 
 
 def _of_cpu(each: int, sizes: Sequence[int]) -> int:
