@@ -13,7 +13,8 @@ from gmwm_jax._internal.checks import number
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, Window, lever, noises, spread, timing
-from nav_jax.aiding.states import OwnState, own_state
+from nav_jax.aiding.mounting import PITCH_AND_YAW, along_vehicle, pair_of_states
+from nav_jax.aiding.states import OwnState
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.kinematics.rotation import cross, rotate_back
 
@@ -30,9 +31,8 @@ class NonHolonomic(AbstractAiding):
         right   (-sin psi, cos psi, 0) u
         down    (cos psi sin theta, sin psi sin theta, cos theta) u
 
-    Both angles of the mounting are states on demand. They cannot be known for ever: loads and suspension change them,
-    and a filter that takes them for constants becomes too sure of itself. What is emulated is what the reference does
-    at that point, which is taken for that of a vehicle, with noise.
+    Both angles of the mounting are states on demand, see `nav_jax.aiding.mounting`. What is emulated is what the
+    reference does at that point, which is taken for that of a vehicle, with noise.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ class NonHolonomic(AbstractAiding):
         self.rate, self.first, self.outages = timing(name, rate, first, outages)
         self.faster = number(f"{name}: faster", faster, zero_ok=True)
         self.lever_arm = lever(name, lever_arm)
-        self.arm = _pair(name, "lever_arm_sd", ("lever_arm x", "lever_arm z"), "m", lever_arm_sd)
-        self.mount = _pair(name, "mount_sd", ("mount pitch", "mount yaw"), "rad", mount_sd, mount_noise)
+        self.arm = pair_of_states(name, "lever_arm_sd", ("lever_arm x", "lever_arm z"), "m", lever_arm_sd)
+        self.mount = pair_of_states(name, "mount_sd", PITCH_AND_YAW, "rad", mount_sd, mount_noise)
         sd = None if believed is None else spread(name, believed, tuple((axis,) for axis in self.axes))
         self.noise, self.believed = noises(name, (right, down), sd)
 
@@ -151,25 +151,10 @@ class NonHolonomic(AbstractAiding):
             u = u + cross(body.means[0, 3:], arm)
         if not self.mount:
             return u[1:]
-        pitch, yaw = state.x[-2], state.x[-1]
-        ahead = jnp.cos(yaw) * u[0] + jnp.sin(yaw) * u[1]
-        right = jnp.cos(yaw) * u[1] - jnp.sin(yaw) * u[0]
-        return jnp.stack([right, jnp.sin(pitch) * ahead + jnp.cos(pitch) * u[2]])
+        return along_vehicle(u, state.x[-2], state.x[-1])[1:]
 
     def columns(self, *, geodetic: bool) -> Sequence[str]:  # noqa: D102
         raise ValueError(f"{self.name} is measured by nothing: nav_jax.recorded.constrained makes fixes for a drive.")
-
-
-def _pair(
-    name: str, argument: str, states: tuple[str, str], unit: str, sd: Any, noise: Any = None
-) -> tuple[OwnState, ...]:
-    """Two states of a kind, or none where both are known to be zero."""
-    if np.shape(sd) not in ((), (2,)):
-        raise ValueError(f"{name}: {argument} is one number or two, and is {sd!r}.")
-    made = [own_state(s, unit, x, noise) for s, x in zip(states, [sd, sd] if np.shape(sd) == () else sd, strict=True)]
-    if all(s is None for s in made):
-        return ()
-    return tuple(OwnState(s, unit) if m is None else m for s, m in zip(states, made, strict=True))
 
 
 class _State(NamedTuple):

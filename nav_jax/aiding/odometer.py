@@ -9,19 +9,22 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Float64
 
-from gmwm_jax._internal.checks import concrete
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding, Setting, lever, noises, spread, timing
-from nav_jax.aiding.states import OwnState
+from nav_jax.aiding.mounting import PITCH_AND_YAW, along_vehicle, pair_of_states
+from nav_jax.aiding.states import OwnState, own_state, own_states_of
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.kinematics.rotation import cross, rotate_back
 
 
 class Odometer(AbstractAiding):
-    """Speed of a wheel along the front axis of b, (1 + s) times the true one; to the sides it does not slip.
+    """Speed of a wheel along the front axis of a vehicle, (1 + s) times the true one; to the sides it does not slip.
 
-    The velocity of the wheel in b is C' v + rate x lever arm, with the rate relative to the Earth. What is emulated of
+    The velocity of the wheel in b is C' v + rate x lever arm, with the rate relative to the Earth. The vehicle's axes
+    are those of b, unless a pitch and a yaw of the mounting are asked for as states (`nav_jax.aiding.mounting`). A
+    small pitch theta takes theta times the downward velocity off the speed and adds theta times the speed to what goes
+    down: without sideways components it is hardly seen, and a yaw is not. What is emulated of
     the sideways components are those of the reference, with noise: the reference is taken to be what the vehicle does.
 
     The rate is what the gyros say without the errors that the filter estimates. Their white noise, of sigma_w a sample,
@@ -39,6 +42,13 @@ class Odometer(AbstractAiding):
         or model, or one each. Not measured unless given.
     lever_arm
         From the IMU to the wheel's point of contact, front, right, down in m; zero unless given.
+    lever_arm_sd
+        Standard deviations in m of the front, right and down component of its error, one number or three: constant,
+        drawn for every run, and estimated. The speed alone does not see the first.
+    mount_sd
+        Standard deviations in rad of pitch and yaw of the mounting, one number or two, likewise.
+    mount_noise
+        A model of changes of both angles, such as a random walk ``"RW(gamma2=5e-9)"``, per sample at `rate`.
     scale_sd
         Standard deviation of a constant scale factor s, drawn for every run and estimated.
     scale_noise
@@ -56,26 +66,35 @@ class Odometer(AbstractAiding):
     Raises
     ------
     ValueError
-        A standard deviation or rate that is not positive, an outage that is no interval.
+        A standard deviation or rate that is not positive, an outage that is no interval, another number of standard
+        deviations.
 
     Examples
     --------
     >>> wheel = nj.Odometer(rate=10.0, speed=0.05, sideways=0.02, lever_arm=(-1.0, 0.0, 0.5), scale_sd=0.01)
     >>> wheel.believed.tolist()  # of the speed, and of what goes right and down
     [0.05, 0.02, 0.02]
+    >>> wheel = nj.Odometer(10.0, speed=0.05, sideways=0.02, scale_sd=0.01, mount_sd=0.02)
+    >>> [state.name for state in wheel.states]
+    ['scale', 'mount pitch', 'mount yaw']
     """
 
     unit: ClassVar[str] = "m/s"
     settings: ClassVar[Mapping[str, Setting]] = {
         "speed": Setting("m/s", or_model=True, required=True), "sideways": Setting("m/s", (1, 2), or_model=True),
-        "lever_arm": Setting("m", (3,)), "scale_sd": Setting("1"), "scale_noise": Setting("1", or_model=True),
-        "believed": Setting("m/s", (1, 2, 3)),
+        "lever_arm": Setting("m", (3,)), "lever_arm_sd": Setting("m", (1, 3)), "mount_sd": Setting("rad", (1, 2)),
+        "mount_noise": Setting("rad", or_model=True), "scale_sd": Setting("1"),
+        "scale_noise": Setting("1", or_model=True), "believed": Setting("m/s", (1, 2, 3)),
     }  # fmt: skip
 
     noise: tuple[NoiseModel, ...]
     believed: Float[Array, " K"]
     lever_arm: Float[Array, "3"] | None
     scale: OwnState | None
+    arm: tuple[OwnState, ...]
+    """Errors of the lever arm, front, right and down."""
+    mount: tuple[OwnState, ...]
+    """Pitch and yaw."""
     rate: float = eqx.field(static=True)
     first: float = eqx.field(static=True)
     outages: tuple[tuple[float, float], ...] = eqx.field(static=True)
@@ -88,6 +107,9 @@ class Odometer(AbstractAiding):
         speed: Any,
         sideways: Any = None,
         lever_arm: Any = None,
+        lever_arm_sd: Any = 0.0,
+        mount_sd: Any = 0.0,
+        mount_noise: Any = None,
         scale_sd: Any = 0.0,
         scale_noise: Any = None,
         outages: Sequence[Sequence[Real]] = (),
@@ -105,9 +127,9 @@ class Odometer(AbstractAiding):
         groups = (("speed",), ("right", "down")) if rest else (("speed",),)
         sd = None if believed is None else spread(name, believed, groups)
         self.noise, self.believed = noises(name, (speed, *rest), sd)
-        seen = concrete(scale_sd)
-        is_known = scale_noise is None and seen is not None and not seen.any()
-        self.scale = None if is_known else OwnState("scale", "1", scale_sd, scale_noise)
+        self.scale = own_state("scale", "1", scale_sd, scale_noise)
+        self.arm = own_states_of(name, "lever_arm", "m", ("x", "y", "z"), lever_arm_sd)
+        self.mount = pair_of_states(name, "mount_sd", PITCH_AND_YAW, "rad", mount_sd, mount_noise)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -117,17 +139,23 @@ class Odometer(AbstractAiding):
     @property
     def uses_body(self) -> bool:
         """A wheel on an arm moves with the body rate."""
-        return self.lever_arm is not None
+        return self.lever_arm is not None or bool(self.arm)
 
     @property
     def states(self) -> tuple[OwnState, ...]:
-        """The scale factor, if it is not known."""
-        return () if self.scale is None else (self.scale,)
+        """What is not known of the scale factor, the lever arm and the mounting."""
+        return (*(() if self.scale is None else (self.scale,)), *self.arm, *self.mount)
 
     def predict(self, state, body):  # noqa: D102
         moved = rotate_back(state.q, state.v)
-        if self.lever_arm is not None and body is not None:
-            moved = moved + cross(body.rate, self.lever_arm[:, None])
+        if self.uses_body and body is not None:
+            arm = jnp.zeros((3, 1)) if self.lever_arm is None else self.lever_arm[:, None]
+            if self.arm:
+                first = len(self.states) - len(self.mount) - len(self.arm)
+                arm = arm + state.x[first : first + len(self.arm)]
+            moved = moved + cross(body.rate, arm)
+        if self.mount:
+            moved = along_vehicle(moved, state.x[-2], state.x[-1])
         factor = 1.0 if self.scale is None else 1.0 + state.x[:1]
         return jnp.concatenate([factor * moved[:1], moved[1 : len(self.noise)]])
 
@@ -150,17 +178,23 @@ class _State(NamedTuple):
     first: float
     outages: tuple[tuple[float, float], ...]
     name: str
+    lever_arm_sd: Float64[np.ndarray, "3"] | None = None
+    mount_sd: Float64[np.ndarray, "2"] | None = None
+    mount_noise: NoiseModel | None = None
 
 
 def _to_state(s: Odometer) -> _State:
     arm = None if s.lever_arm is None else np.asarray(s.lever_arm)
-    return _State(s.noise, np.asarray(s.believed), arm, s.scale, s.rate, s.first, s.outages, s.name)
+    arm_sd, mount_sd = (np.array([float(x.sd) for x in states]) if states else None for states in (s.arm, s.mount))
+    noise = s.mount[0].noise if s.mount else None
+    shared = s.rate, s.first, s.outages, s.name
+    return _State(s.noise, np.asarray(s.believed), arm, s.scale, *shared, arm_sd, mount_sd, noise)
 
 
 def _from_state(state: _State) -> Odometer:
-    options: dict[str, Any] = state._asdict()
+    options: dict[str, Any] = {name: value for name, value in state._asdict().items() if value is not None}
     speed, *rest = options.pop("noise")
-    scale: OwnState | None = options.pop("scale")
+    scale: OwnState | None = options.pop("scale", None)
     if scale is not None:
         options |= {"scale_sd": scale.sd, "scale_noise": scale.noise}
     return Odometer(speed=speed, sideways=tuple(rest) or None, **options)

@@ -290,13 +290,14 @@ def test_correlated_noise_is_decorrelated():
 
 @pytest.mark.parametrize("turning", [None, (0.5, -0.3, 0.8)])
 def test_one_update_with_a_whole_covariance_is_the_joint_one(turning):
-    """GNSS with correlated components on an arm, and a wheel with a scale: the textbook's update, 1e-7 of an sd.
+    """GNSS with correlated components on an arm, and a wheel with all its states: the textbook's update, 1e-7 of an sd.
 
     Its H are central differences of h along the whole error state, the states of the IMU included. Where the Earth
     turns, as fast as the body here, its rate in b is no part of the wheel's motion.
     """
     rate_n = None if turning is None else jnp.asarray(turning)[:, None]
-    sensors = (GnssPosition(covariance=COVARIANCE, **ON_ARM), Odometer(**WHEEL, **ON_ARM, scale_sd=0.02))
+    wheel = Odometer(**WHEEL, **ON_ARM, scale_sd=0.02, lever_arm_sd=0.1, mount_sd=0.03)
+    sensors = (GnssPosition(covariance=COVARIANCE, **ON_ARM), wheel)
     errors = ImuErrors(WN(1e-4) + GM(0.01, 1e-4), WN(1e-6) + GM(0.02, 1e-6), 100.0)
     aiding = Measurements(sensors, own_states(sensors, 100.0), rate_n)
     bank = joined(errors.bank(), aiding.own)

@@ -61,6 +61,7 @@ SCENARIOS = {
         nj.Barometer(height=0.5, first=0.5),
         nj.Odometer(10.0, speed=0.05, sideways=(0.02, 0.03), scale_sd=0.01, scale_noise="RW(gamma2=1e-10)"),
         nj.Odometer(5.0, speed=0.05, lever_arm=(-1.0, 0.0, 0.5), name="wheel"),
+        nj.Odometer(5.0, speed=0.05, sideways=0.1, lever_arm_sd=0.1, mount_sd=(0.0, 0.02), name="mounted wheel"),
         nj.aiding.ZeroVelocity(5.0, sd=0.02),
         nj.aiding.Magnetometer(10.0, sd=2e-7, field=(22e-6, 1e-6, 43e-6), hard_iron_sd=1e-6),
         nj.aiding.DualAntenna(
