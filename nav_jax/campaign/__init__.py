@@ -15,6 +15,44 @@ study.statistics("drive")["right"].mean_length["position"]  # at every epoch
 A task is one chunk of the runs of one scenario. Its result depends on the specification of the campaign and on its
 number, and on nothing else; it lies in one part of the store, with a checksum that is written last. Statistics are kept
 for each chunk, and added in the order of chunks.
+
+On a cluster with SLURM (extra ``cluster``) a job of its own, or a terminal that stays open, has the client and Dask's
+scheduler; workers are jobs. They begin and end as the queue has it: what they finish is in the store, and the chunks in
+flight are given to others. Where the job with the client ends, the same lines continue, with whatever workers there are.
+
+```py
+from dask.distributed import Client
+from dask_jobqueue import SLURMCluster
+
+prologue = [
+    "export JAX_COMPILATION_CACHE_DIR=$HOME/.cache/jax",  # one worker compiles, the others read
+    "export JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0",
+    "export GMWM_JAX_NUM_THREADS=1",  # as many workers as cores
+]
+lifetime = ["--lifetime", "110m", "--lifetime-stagger", "5m"]  # below the walltime: workers end between two chunks
+with SLURMCluster(
+    cores=8, processes=8, memory="16GB", walltime="02:00:00", job_script_prologue=prologue, worker_extra_args=lifetime
+) as cluster, Client(cluster) as client:
+    cluster.adapt(maximum_jobs=20)
+    study.run("study.zarr", executor=client, progress=True)
+```
+
+The store lies on a disk that client and workers see. ``nav-jax campaign spec.toml --store study.zarr --scheduler tcp://...``
+does the same with a scheduler that runs. Without Dask, an array of jobs (``#SBATCH --array=0-9``) computes every tenth
+chunk each, into stores of their own, which one more job gathers when they are done:
+
+```py
+k = int(os.environ["SLURM_ARRAY_TASK_ID"])
+study.run(f"part_{k}.zarr", chunks=range(k, study.num_runs // 16, 10))  # 16 is the size of the chunks
+```
+
+```py
+whole = nj.Campaign.merge(sorted(Path(".").glob("part_*.zarr")), into="whole.zarr")
+whole.status()
+```
+
+Options of XLA, such as those of `nj.fast_loops`, are set for all jobs of a campaign (``export XLA_FLAGS=...``) or for none:
+they change last bits, and a store that was begun with others warns of it.
 """  # noqa: E501
 
 from nav_jax.campaign.campaign import Campaign as Campaign

@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -204,3 +205,43 @@ def test_cost_is_what_is_used(name, tmp_path):
     assert abs(sorted(shares)[1] - 1) < 0.25, shares
     num_bytes = sum(map(len, files_of(tmp_path / "0.zarr").values()))
     np.testing.assert_allclose(cost.num_bytes, num_bytes, rtol=0.25)
+
+
+def guide():
+    """The Python of the room's guide to clusters: Dask, a job of an array, the job that gathers."""
+    text = nj.campaign.__doc__ or ""
+    return re.findall(r"^```py\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_the_guide_to_slurm_with_workers_of_this_machine(undisturbed, tmp_path, monkeypatch):
+    distributed, jobqueue = pytest.importorskip("distributed"), pytest.importorskip("dask_jobqueue")
+    scripts = []
+
+    def here(**options):
+        """The script of a job is that of dask-jobqueue; the workers are none of SLURM."""
+        with jobqueue_cluster(interface="lo", scheduler_options={"dashboard_address": None}, **options) as real:
+            scripts.append(real.job_script())
+        cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+        cluster.adapt = lambda maximum_jobs: None
+        return cluster
+
+    jobqueue_cluster = jobqueue.SLURMCluster
+    monkeypatch.setattr(jobqueue, "SLURMCluster", here)
+    monkeypatch.chdir(tmp_path)
+    exec(guide()[0], {"study": campaign(48)})
+    assert files_of(tmp_path / "study.zarr") == files_of(undisturbed)
+    for said in ("--cpus-per-task=8", "--nworkers 8", "--nthreads 1", "-t 02:00:00", "export GMWM_JAX_NUM_THREADS=1"):
+        assert said in scripts[0]
+
+
+def test_the_guide_to_arrays_of_jobs(undisturbed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    size = campaign(48)._definition.chunk_size
+    part = guide()[1].replace("// 16", f"// {size}")
+    for k in range(10):
+        monkeypatch.setenv("SLURM_ARRAY_TASK_ID", str(k))
+        exec(part, {"study": campaign(48), "os": os})
+    found = {}
+    exec(guide()[2], {"nj": nj, "Path": Path}, found)
+    assert found["whole"].status().complete
+    assert arrays_of(tmp_path / "whole.zarr") == arrays_of(undisturbed)
