@@ -328,10 +328,21 @@ def align(config: Record, out: Out = None, json_file: Json = None) -> None:
     _give(alignment_report(align_file(config)), json_file, out, plot=False)
 
 
+Gate = Annotated[
+    float | None,
+    typer.Option(min=0.5, max=0.999999999, help="Probability with which a good fix passes, in place of the file's."),
+]
+Vibration = Annotated[
+    float | None, typer.Option(min=0.0, help="Factor of the noise of vibration, of all axes, in place of the file's.")
+]
+
+
 @_command
 def navigate(
     config: Record,
     filter_name: Filter = None,
+    gate: Gate = None,
+    vibration: Vibration = None,
     out: Out = None,
     json_file: Json = None,
     plot: Plot = None,
@@ -342,7 +353,7 @@ def navigate(
     from nav_jax.app.record_file import read_record
     from nav_jax.app.reports import navigation_report
 
-    known = read_record(config)
+    known = read_record(config).noticing(gate, vibration)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
     save = _save(known.output.save, config.parent, save)
@@ -368,6 +379,8 @@ def navigate(
 def outages(
     config: Record,
     filter_name: Filter = None,
+    gate: Gate = None,
+    vibration: Vibration = None,
     last: Annotated[float, typer.Option(min=0.0, help="s, of each outage.")] = 15.0,
     every: Annotated[float, typer.Option(min=0.0, help="s from the beginning of one to that of the next.")] = 60.0,
     runs: Annotated[int, typer.Option(min=1, help="So many, their outages shifted against each other.")] = 2,
@@ -381,7 +394,7 @@ def outages(
     from nav_jax.app.reports import outages_report
     from nav_jax.recorded.outages import shifted_schedules
 
-    known = read_record(config)
+    known = read_record(config).noticing(gate, vibration)
     name = _chosen(known.filters, filter_name)
     folder, plot = _folder(known.output, config.parent, out, plot)
     if save is not None:  # [output] save is of a solution

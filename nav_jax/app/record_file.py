@@ -321,6 +321,11 @@ class RecordConfig:
         given: dict[str, Any] = {**self._start(), **self._noticed(), **options}
         return outage_study(self.imu, self.aiding, self.filters[name], schedules, **given)
 
+    def noticing(self, gate: float | None, vibration: float | None) -> "RecordConfig":
+        """The same with this gate of all sensors and this factor of all axes, in place of the file's where given."""
+        given = {name: x for name, x in (("gate", gate), ("vibration", vibration)) if x is not None}
+        return replace(self, run=self.run.model_copy(update=given))
+
     def _noticed(self) -> dict[str, Any]:
         """What a filter takes notice of beside its model."""
         given = self.run.vibration

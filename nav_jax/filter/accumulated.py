@@ -195,7 +195,7 @@ class _Acting(NamedTuple):
             push = jnp.concatenate([push, jnp.broadcast_to(down, (*down.shape[:2], push.shape[2]))])
         return transpose(push), transpose(twist)
 
-    def forces(self, X: Float[Array, "K 3 F R"], C: Float[Array, "3 3 R"]) -> Float[Array, "K 3 3 R"]:
+    def forces(self, X: Float[Array, "K 3 F R"], C: Float[Array, "3 3 #R"]) -> Float[Array, "K 3 3 R"]:
         """Rows over the states that push to rows over accelerations along n."""
         X, of_accel = jnp.moveaxis(X, 2, 0), len(self.on_accel)
         a = _along_n(by_channel(self.on_accel, X[:of_accel], of=_ACCEL), C)
@@ -203,22 +203,22 @@ class _Acting(NamedTuple):
             return a
         return a - jnp.moveaxis(by_channel(self.on_gravity, X[of_accel:], of=GRAVITY), 0, 2)
 
-    def turns(self, X: Float[Array, "K 3 W R"], C: Float[Array, "3 3 R"]) -> Float[Array, "K 3 3 R"]:
+    def turns(self, X: Float[Array, "K 3 W R"], C: Float[Array, "3 3 #R"]) -> Float[Array, "K 3 3 R"]:
         """The same of the states that turn."""
         return _along_n(by_channel(self.on_gyro, jnp.moveaxis(X, 2, 0), of=_GYRO), C)
 
 
-def _along_n(X: Float[Array, "3 K 3 R"], C: Float[Array, "3 3 R"]) -> Float[Array, "K 3 3 R"]:
+def _along_n(X: Float[Array, "3 K 3 R"], C: Float[Array, "3 3 #R"]) -> Float[Array, "K 3 3 R"]:
     """Rows over the three axes of a sensor to rows along n."""
     return sum((C[None, None, :, i] * X[i][:, :, None] for i in range(1, 3)), C[None, None, :, 0] * X[0][:, :, None])
 
 
-def _columns(s: Float[Array, "3 R"], M: Float[Array, "3 3 R"]) -> Float[Array, "3 3 R"]:
+def _columns(s: Float[Array, "3 #R"], M: Float[Array, "3 3 R"]) -> Float[Array, "3 3 R"]:
     """[s x] M."""
     return cross(s[:, None], M)
 
 
-def _rows(s: Float[Array, "3 R"], M: Float[Array, "*K 3 3 R"]) -> Float[Array, "*K 3 3 R"]:
+def _rows(s: Float[Array, "3 #R"], M: Float[Array, "*K 3 3 R"]) -> Float[Array, "*K 3 3 R"]:
     """M [s x]'."""
     s0, s1, s2 = (a.reshape((1,) * (M.ndim - 2) + a.shape) for a in s)
     m0, m1, m2 = M[..., 0, :], M[..., 1, :], M[..., 2, :]
@@ -236,7 +236,7 @@ def _navigation(
     return X + _product(_columns_of(done.E), S[np.concatenate([at.force, at.gyro])])
 
 
-def _columns_of(X: Columns) -> Float[Array, "nav F+W R"]:
+def _columns_of(X: Columns) -> Float[Array, "nav K R"]:
     force = jnp.concatenate([X.force.reshape(6, *X.force.shape[2:]), jnp.zeros_like(X.force[0])])
     return jnp.concatenate([force, X.turn.reshape(9, *X.turn.shape[2:])], axis=1)
 

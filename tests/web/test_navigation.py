@@ -146,6 +146,21 @@ def test_a_recorded_drive(open_page, tmp_path):
     page.locator("#nav_navigate").click()
     page.locator("#nav_drive_text", has_text="white: ").wait_for()
     drawn(page, "nav_drive_figure")
+    assert "refused" not in page.locator("#nav_drive_text").inner_text()
+    # by a filter of that name, with a gate; nothing stale beside other inputs
+    enter(page, "nav_drive_gate", 0.999)
+    page.locator("#nav_drive_text pre").wait_for(state="detached")
+    enter(page, "nav_drive_vibration", 0.1)
+    enter(page, "nav_drive_filter", "white")
+    page.locator("#nav_navigate").click()
+    page.locator("#nav_drive_text", has_text="refused").wait_for()
+    assert {"nav_drive_gate=0.999", "nav_drive_filter=white"} <= set(page.url.partition("?")[2].split("&"))
+    enter(page, "nav_drive_filter", "nobody")
+    page.locator("#nav_navigate").click()
+    page.locator("#nav_drive_status .gmwm-error", has_text="There is no filter 'nobody'; there are white.").wait_for()
+    enter(page, "nav_drive_gate", 0.1)
+    page.locator("#nav_navigate").click()
+    page.locator("#nav_status .gmwm-error", has_text="Gate: must be greater than or equal to 0.5").wait_for()
 
 
 def test_outages_of_a_recorded_drive(open_page, tmp_path):
@@ -165,6 +180,10 @@ def test_outages_of_a_recorded_drive(open_page, tmp_path):
     drawn(page, "nav_outages_figure")
     assert {"claimed (rms)", "predicted - measured"} <= set(curves(page, "nav_outages_figure"))
     assert "nav_outage_last=0.5" in page.url
+    enter(page, "nav_outage_runs", 1)
+    page.locator("#nav_outages_text pre").wait_for(state="detached")
+    page.locator("#nav_outages").click()
+    page.locator("#nav_outages_text", has_text="white: 2 outages of gnss_position").wait_for()
     # nothing stale beside another length
     enter(page, "nav_outage_last", 0.25)
     page.locator("#nav_outages_text pre").wait_for(state="detached")

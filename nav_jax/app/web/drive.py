@@ -54,6 +54,22 @@ class Drive(NamedTuple):
     solution: Navigation
 
 
+class Filtering(NamedTuple):
+    """By which filter of the configuration, and of what it takes notice; what is None is as the configuration says."""
+
+    name: str | None = None
+    gate: float | None = None
+    vibration: float | None = None
+
+    def options(self) -> tuple[str, ...]:
+        """As the shell gives them."""
+        given = {"filter": self.name, "gate": self.gate, "vibration": self.vibration}
+        return tuple(f"--{option}={value}" for option, value in given.items() if value is not None)
+
+
+AS_CONFIGURED = Filtering()
+
+
 class StudiedDrive(NamedTuple):
     """What the command says, and its study."""
 
@@ -126,7 +142,13 @@ def check(text: str, names: Iterable[str]) -> None:
             raise ValueError(f"The configuration names the file {named!r:.80}, which was not sent: send both together.")
 
 
-def navigate(files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | None], None]) -> Drive:
+def navigate(
+    files: Iterable[Sent],
+    limits: Limits,
+    tell: Callable[[int, int | None], None],
+    *,
+    filtering: Filtering = AS_CONFIGURED,
+) -> Drive:
     """Navigate a drive.
 
     Parameters
@@ -137,17 +159,26 @@ def navigate(files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | N
         Of memory and time.
     tell
         Told that it goes on; cancels by raising.
+    filtering
+        See there.
 
     Raises
     ------
     ValueError
         See `configuration_of` and `check`; what the command says.
     """
-    return Drive(*_found(_Command("navigate"), Navigation, files, limits, tell))
+    return Drive(*_found(_Command("navigate", filtering.options()), Navigation, files, limits, tell))
 
 
 def study_outages(
-    files: Iterable[Sent], limits: Limits, tell: Callable[[int, int | None], None], *, last: float, every: float
+    files: Iterable[Sent],
+    limits: Limits,
+    tell: Callable[[int, int | None], None],
+    *,
+    last: float,
+    every: float,
+    runs: int = 2,
+    filtering: Filtering = AS_CONFIGURED,
 ) -> StudiedDrive:
     """Simulate outages all over a drive.
 
@@ -157,13 +188,18 @@ def study_outages(
         See `navigate`.
     last, every
         Seconds: of each outage, and from the beginning of one to that of the next.
+    runs
+        So many, whose outages are shifted against each other.
+    filtering
+        See there.
 
     Raises
     ------
     ValueError
         See `navigate`.
     """
-    command = _Command("outages", (f"--last={last!r}", f"--every={every!r}"), "The outages were not studied")
+    options = (f"--last={last!r}", f"--every={every!r}", f"--runs={runs}", *filtering.options())
+    command = _Command("outages", options, "The outages were not studied")
     return StudiedDrive(*_found(command, OutageStudy, files, limits, tell))
 
 

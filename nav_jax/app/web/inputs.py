@@ -16,10 +16,18 @@ _TRUTHS = {"sensor": "a known sensor", "fit": "the fit of the room Model & fit",
 _MODEL = "WN(sigma2=1e-6) + GM(beta=0.01, variance=1e-8)"
 
 _STUDY = (
-    "Fixes of receivers are withheld from the filter in outages all over the drive, in two runs that are shifted "
-    "against each other, and the last fix withheld in each outage says how far off the filter is: beside this error "
+    "Fixes of receivers are withheld from the filter in outages all over the drive, in runs that are shifted against "
+    "each other, and the last fix withheld in each outage says how far off the filter is: beside this error "
     "stand what the filter claims of it, and the NEES over the number of its components, whose mean is 1 where claims "
     "are true, with the 95 % band of that mean."
+)
+
+_FILTERING = (
+    "The first filter of the configuration is taken unless another one is named. A gate refuses fixes whose normalised "
+    "innovation squared is larger than that of a good one is with that probability, such as 0.999: outliers no longer "
+    "move the filter. The noise of vibration adds that factor times the running variance of the samples to the white "
+    "noise of every axis, so that claims grow on rough roads; nav-jax vibration finds it. What is empty is as the "
+    "configuration says."
 )
 
 
@@ -95,15 +103,20 @@ def make_ui(state: Any, limits: Limits) -> Tag:
         ui.p("The configuration that nav-jax navigate reads, and the files that it names, sent together."),
         ui.div(
             ui.input_file("nav_drive", "Files of a drive", multiple=True),
+            _text(state, "nav_drive_filter", "Filter", "the first"),
+            _number(state, "nav_drive_gate", "Gate [probability]"),
+            _number(state, "nav_drive_vibration", "Noise of vibration [factor]"),
             ui.input_action_button("nav_navigate", "Navigate", class_="btn-outline-primary"),
             class_="gmwm-controls",
         ),
+        ui.p(_FILTERING),
         ui.output_ui("nav_drive_status"),
         output_figure("nav_drive_figure"),
         ui.output_ui("nav_drive_text"),
         ui.div(
-            _seconds(state, "nav_outage_last", "Length of an outage [s]"),
-            _seconds(state, "nav_outage_every", "An outage every [s]"),
+            _number(state, "nav_outage_last", "Length of an outage [s]"),
+            _number(state, "nav_outage_every", "An outage every [s]"),
+            _number(state, "nav_outage_runs", "Runs"),
             ui.input_action_button("nav_outages", "Study outages", class_="btn-outline-primary"),
             class_="gmwm-controls",
         ),
@@ -134,7 +147,7 @@ def _text(state: Any, name: str, label: str, hint: str) -> Tag:
     return ui.input_text(name, label, getattr(state, name), placeholder=hint, update_on="blur")
 
 
-def _seconds(state: Any, name: str, label: str) -> Tag:
+def _number(state: Any, name: str, label: str) -> Tag:
     return ui.input_numeric(name, label, getattr(state, name), min=0, update_on="blur")
 
 

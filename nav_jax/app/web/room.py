@@ -21,7 +21,7 @@ from gmwm_jax.app.web.rooms.room import Room
 from gmwm_jax.app.web.store import Part, Same, Store
 from nav_jax.app.comparison_file import Config
 from nav_jax.app.web import controls, figures, files, tables
-from nav_jax.app.web.drive import Drive, Sent, StudiedDrive, navigate, study_outages
+from nav_jax.app.web.drive import Drive, Filtering, Sent, StudiedDrive, navigate, study_outages
 from nav_jax.app.web.followed import follow
 from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
@@ -304,12 +304,14 @@ def _server(input: Inputs, store: Store) -> None:
         of = found.value[of_button(input.nav_of())]
         return store.themed(figures.sensor_states(of, columns=columns()))
 
-    def drive_key() -> tuple[Sent, ...]:
-        return _sent(input.nav_drive())
-
-    def outages_key() -> tuple[tuple[Sent, ...], float, float]:
+    def drive_key() -> tuple[tuple[Sent, ...], Filtering]:
         state: Any = store.state()
-        return drive_key(), state.nav_outage_last, state.nav_outage_every
+        name = state.nav_drive_filter.strip() or None
+        return _sent(input.nav_drive()), Filtering(name, state.nav_drive_gate, state.nav_drive_vibration)
+
+    def outages_key() -> tuple[tuple[Sent, ...], Filtering, float, float, int]:
+        state: Any = store.state()
+        return *drive_key(), state.nav_outage_last, state.nav_outage_every, state.nav_outage_runs
 
     def begin_of_drive(name: str, sent: tuple[Sent, ...], asked: Any, work: Callable[[Tell], Any]) -> None:
         if sent:
@@ -320,23 +322,33 @@ def _server(input: Inputs, store: Store) -> None:
     @reactive.effect
     @reactive.event(input.nav_navigate)
     def _navigate() -> None:
-        sent = drive_key()
-        begin_of_drive("nav_drive", sent, sent, partial(navigate, sent, store.limits))
+        try:
+            asked = drive_key()
+        except ValueError as error:
+            ui.notification_show(str(error), type="warning")
+            return
+        sent, filtering = asked
+        begin_of_drive("nav_drive", sent, asked, partial(navigate, sent, store.limits, filtering=filtering))
 
     @reactive.effect
     @reactive.event(input.nav_outages)
     def _outages() -> None:
         try:
-            sent, last, every = outages_key()
+            asked = outages_key()
         except ValueError as error:
             ui.notification_show(str(error), type="warning")
             return
-        work = partial(study_outages, sent, store.limits, last=last, every=every)
-        begin_of_drive("nav_outages", sent, (sent, last, every), work)
+        sent, filtering, last, every, runs = asked
+        how = {"last": last, "every": every, "runs": runs, "filtering": filtering}
+        work = partial(study_outages, sent, store.limits, **how)
+        begin_of_drive("nav_outages", sent, asked, work)
 
     @reactive.calc
     def driven() -> Outcome[Drive]:
-        return jobs.result("nav_drive", drive_key())
+        try:
+            return jobs.result("nav_drive", drive_key())
+        except ValueError:
+            return Outcome()  # said above
 
     @reactive.calc
     def studied() -> Outcome[StudiedDrive]:

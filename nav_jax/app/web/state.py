@@ -30,6 +30,10 @@ class Chosen(State):
     nav_max_gyro: int = Field(1, ge=0, le=2, title="Most Gauss-Markov processes of a gyro")
     nav_outage_last: float = Field(15.0, gt=0, le=86_400, title="Length of an outage")
     nav_outage_every: float = Field(60.0, gt=0, le=86_400, title="An outage every")
+    nav_outage_runs: int = Field(2, ge=1, le=20, title="Number of runs")
+    nav_drive_filter: str = Field("", max_length=100, title="Filter of the drive")
+    nav_drive_gate: float | None = Field(None, ge=0.5, lt=1, title="Gate")
+    nav_drive_vibration: float | None = Field(None, ge=0, le=1e6, title="Noise of vibration")
 
 
 _SECTIONS: dict[str, Any] = {c.name: (str, Field(c.default, max_length=200, title=c.label)) for c in every()}

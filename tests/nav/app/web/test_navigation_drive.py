@@ -8,7 +8,7 @@ from nav.small_drive import write_drive
 
 from gmwm_jax.app.web.limits import Limits
 from nav_jax.app.web import figures
-from nav_jax.app.web.drive import Sent, check, navigate, study_outages
+from nav_jax.app.web.drive import Filtering, Sent, check, navigate, study_outages
 from nav_jax.recorded.study import OutageStudy
 
 
@@ -41,6 +41,30 @@ def test_outages_of_a_drive_are_studied_and_drawn(sent):
     np.testing.assert_array_equal(drawn["predicted - measured"].y, found.study.size[order])
     np.testing.assert_array_equal(drawn["claimed (rms)"].y, found.study.claimed[order])
     assert drawn["predicted - measured"].text == ("2", "2.5", "3", "3.5")
+
+
+@pytest.mark.slow
+def test_a_filter_is_chosen_and_takes_notice(tmp_path):
+    """Of two filters, with a fix that is 100 m off: the gate refuses it, and with it alone the drive stays in place."""
+    paths = write_drive(tmp_path)
+    other = '[filters.other]\naccel = "WN(sigma2=1e-4)"\ngyro = "WN(sigma2=1e-6)"\nrate = "20 Hz"\n'
+    paths[2].write_text(paths[2].read_text() + other)
+    fixes = paths[1].read_text().splitlines()
+    paths[1].write_text("\n".join([*fixes[:3], "3.0,100.0,0.0,0.0", *fixes[4:]]))
+    sent = [Sent(path.name, str(path)) for path in paths]
+    with pytest.raises(ValueError, match=r"'nobody'.*white, other"):
+        navigate(sent, Limits(), lambda done, total: None, filtering=Filtering("nobody"))
+    farthest = {}
+    for gate in (None, 0.999):
+        filtering = Filtering("other", gate, 0.1)
+        found = navigate(sent, Limits(), lambda done, total: None, filtering=filtering)
+        assert found.text.startswith("other: ")
+        farthest[gate] = np.abs(found.solution.trajectory.position).max()
+    assert farthest[0.999] < 0.5 < 10 < farthest[None]
+    three = study_outages(
+        sent, Limits(), lambda done, total: None, last=0.5, every=1.5, runs=3, filtering=Filtering("white", 0.999)
+    )
+    assert set(three.study.schedule.tolist()) == {0, 1, 2}
 
 
 @pytest.mark.slow
