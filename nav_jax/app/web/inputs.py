@@ -24,10 +24,10 @@ _STUDY = (
 
 _FILTERING = (
     "The first filter of the configuration is taken unless another one is named. A gate refuses fixes whose normalised "
-    "innovation squared is larger than that of a good one is with that probability, such as 0.999: outliers no longer "
-    "move the filter. The noise of vibration adds that factor times the running variance of the samples to the white "
-    "noise of every axis, so that claims grow on rough roads; nav-jax vibration finds it. What is empty is as the "
-    "configuration says."
+    "innovation squared is beyond what good ones stay below with this probability: with 0.999 it refuses one good fix "
+    "in a thousand, and outliers no longer move the filter. The noise of vibration adds that factor times the running "
+    "variance of the samples to the white noise of every axis, so that claims grow on rough roads; nav-jax vibration "
+    "finds it. What is empty is as the configuration says."
 )
 
 
