@@ -18,6 +18,7 @@ from jaxtyping import Key
 from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.cores import core_cache, num_threads
 from gmwm_jax._internal.memory import FLOAT
+from gmwm_jax._internal.xla_loops import loops_are_fast
 from nav_jax.filter.experiment import Setup, run_keys
 from nav_jax.filter.layout import GROUPS, JUDGED
 
@@ -26,8 +27,9 @@ _SIZES = range(64, 129, 8)
 come back later when interrupted."""
 _STEP = 37
 """Numbers of a run for each of its states that a step with a covariance of its own goes through. A chunk has as many
-runs as fill half of the cache of a core with them, or down to half as many. With 24 states and 1 MiB that is 72: 40 to
-72 take the same time, 16 take 1.3 and, where loops are compiled as a whole, 80 take 1.4 times as long."""
+runs as fill the cache of a core with them, or half of it where loops are compiled as a whole, or down to half as many.
+With 24 states and 1 MiB that is 128 and 72. As a whole, 40 to 72 take the same time, 24 take 1.25 and 80 take 1.4 times
+as long; otherwise 64 to 128 take the same time, 52 take 1.06 and 24 take 1.25 times as long."""
 _FEWEST = 24
 """Fewer pay badly for a step: with 57 states and 1 MiB 16 to 64 take the same time, and 8 take 1.4 times as long."""
 _SMOOTHER_BYTES = 1_000_000_000
@@ -133,7 +135,8 @@ def _sizes(num_states: int, *, shared: bool) -> Sequence[int]:
     cache = core_cache()
     if shared or cache is None:
         return _SIZES  # runs on shared gains have no covariances of their own
-    most = min(_SIZES[-1], max(_FEWEST, cache // 2 // (_STEP * FLOAT * num_states) // 4 * 4))
+    room = cache // 2 if loops_are_fast() else cache
+    most = min(_SIZES[-1], max(_FEWEST, room // (_STEP * FLOAT * num_states) // 4 * 4))
     return range(most, most // 2 // 4 * 4 - 1, -4)
 
 

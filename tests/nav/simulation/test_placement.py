@@ -92,7 +92,7 @@ def test_threads_of_a_cpu_have_chunks_that_come_out_even(monkeypatch, cache):
 
 
 def test_chunks_fit_into_a_small_cache(monkeypatch):
-    monkeypatch.setattr(_placement, "core_cache", lambda: 2**20)
+    monkeypatch.setattr(_placement, "core_cache", lambda: 2**19)
     assert place(288, workers=2).each == 72
     assert place(200, workers=2).each == 52  # 2 x 52 are fewer than 2 x 72
     assert place(512, workers=2, shared=True).each == 64
@@ -102,6 +102,14 @@ def test_chunks_fit_into_a_small_cache(monkeypatch):
     assert placement(setup, 18, 560, **options).each == 56  # 5 x 56 are 280
     monkeypatch.setattr(_placement, "core_cache", lambda: 2**15)
     assert place(480, workers=2).each == 24
+
+
+def test_chunks_of_loops_that_are_compiled_as_a_whole(monkeypatch):
+    monkeypatch.setattr(_placement, "core_cache", lambda: 2**20)
+    assert place(200, workers=2).each == 100
+    monkeypatch.setattr(_placement, "loops_are_fast", lambda: True)
+    assert place(200, workers=2).each == 52
+    assert place(512, workers=2, shared=True).each == 64
 
 
 def test_the_cache_of_a_core(monkeypatch, tmp_path):
