@@ -13,7 +13,7 @@ def test_axes_are_those_of_a_yaw_and_then_a_pitch():
     draw = np.random.default_rng(1)
     u, (pitch, yaw) = draw.normal(size=(3, 5)), draw.normal(size=(2, 5))
     expected = Rotation.from_euler("ZY", np.stack([yaw, pitch], axis=1)).inv().apply(u.T).T
-    np.testing.assert_allclose(along_vehicle(jnp.asarray(u), pitch, yaw), expected, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(along_vehicle(*map(jnp.asarray, (u, pitch, yaw))), expected, rtol=0, atol=1e-14)
 
 
 def test_states_of_an_odometer():
