@@ -58,11 +58,12 @@ test-old-cpu: $(VENV)/.installed  ## the numerical rooms as on a processor of 20
 	XLA_FLAGS="--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_max_isa=SSE4_2" \
 	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c '$(DISPATCHED)')" $(PYTEST) $(QUICK) $(NUMERICAL)
 
-check: $(VENV)/.installed  ## lint, format, types; names files that have grown long
+check: $(VENV)/.installed  ## lint, format, types; names files that have grown long; every test is where `make validate` looks
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/python .ci/long_files.py gmwm_jax nav_jax tests benchmarks
+	$(BIN)/python -m pytest -qq --collect-only --short tests/validation
 
 docs: $(VENV)/.installed  ## the API reference, from the docstrings, in out/docs
 	$(BIN)/python notebooks/api_reference.py out/docs

@@ -67,8 +67,8 @@ SHORT_SHARE: dict[str, tuple[str, ...]] = {
         "zero_rate-estimate",
     ),
     "nav/test_wheels.py::test_covariances_are_those_of_the_runs_and_filters_consistent": (
-        "reference-earth0",
-        "estimate-earth1",
+        "axle-reference-flat",
+        "axle-estimate-round",
     ),
 }
 

@@ -37,6 +37,7 @@ def scenario(*sensors, **options):
 @pytest.mark.parametrize(
     ("sensor", "gains", "earth"),
     [(AXLE, "reference", FLAT), (AXLE, "estimate", FLAT), (AXLE, "estimate", ROUND), (WHEEL, "estimate", ROUND)],
+    ids=["axle-reference-flat", "axle-estimate-flat", "axle-estimate-round", "wheel-estimate-round"],
 )
 def test_covariances_are_those_of_the_runs_and_filters_consistent(sensor, gains, earth):
     one = scenario(sensor, earth=earth)
