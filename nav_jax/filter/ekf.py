@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.layout import ATTITUDE, NAVIGATION, POSITION, VELOCITY
 from nav_jax.imu.bank import SensorBank
-from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics import strapdown
 from nav_jax.kinematics.earth import EarthInLoops, Pull
 from nav_jax.kinematics.linalg import root, symmetrise
@@ -33,7 +32,7 @@ class Update(NamedTuple):
 
 def mechanise(
     state: NavState,
-    imu: Float[Array, "n ch R"],
+    imu: Float[Array, "n seen R"],
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
@@ -48,7 +47,7 @@ def mechanise(
 
 def mechanise_with_motion(
     state: NavState,
-    imu: Float[Array, "n ch R"],
+    imu: Float[Array, "n seen R"],
     dt: Float[Array, " n"],
     ends: Float[Array, " n"],
     bank: SensorBank,
@@ -76,7 +75,7 @@ def mechanise_with_motion(
         S_1, S_2 = S_1 + once, S_2 + length * S_1 + twice
         return (state, C_next, C_sum + length / 2 * (C + C_next), reading, distance, S_1, S_2), None
 
-    reading = jnp.zeros((len(CHANNELS), state.p.shape[1])) if with_reading else None
+    reading = jnp.zeros(imu.shape[1:]) if with_reading else None
     distance = jnp.zeros(state.p.shape[1]) if with_distance else None
     carry = (state, C, jnp.zeros_like(C), reading, distance, zero, zero)
     if len(dt) == 1:
@@ -102,7 +101,7 @@ def _piece(state, sample, dt, ends, bank, earth, pull):
     if bank.travel is not None:
         g_n, distance = g_n + bank.gravity(state.x), travelled(state.v, dt)
     start = state.p, state.v, state.q
-    after, of_force = strapdown.step_with_force(*start, sensed[3:], sensed[:3], dt, g_n, earth.rate)
+    after, of_force = strapdown.step_with_force(*start, sensed[3:6], sensed[:3], dt, g_n, earth.rate)
     return NavState(*after, bank.advance(state.x, ends, distance)), sensed, of_force
 
 

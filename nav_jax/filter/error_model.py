@@ -60,9 +60,9 @@ class Motion(NamedTuple):
     C_mean: Float[Array, "3 3 R"]
     S_1: Float[Array, "3 R"]
     S_2: Float[Array, "3 R"]
-    reading: Float[Array, "ch R"] | None = None
+    reading: Float[Array, "seen R"] | None = None
     """Mean of what the IMU senses, where errors depend on it."""
-    gradient: Float[Array, "3 3 R"] | None = None
+    gradient: Float[Array, "3 3 #R"] | None = None
     """Of gravity; None where it is the same everywhere."""
     rate: Float[Array, "3 1"] | None = None
     """Of the Earth; None where it does not turn."""
@@ -84,7 +84,7 @@ def blocks(P: Float[Array, "n n R"]) -> Covariance:
 
 def under_earth(
     X: Float[Array, "n K R"],
-    gradient: Float[Array, "3 3 R"] | None,
+    gradient: Float[Array, "3 3 #R"] | None,
     rate: Float[Array, "3 1"] | None,
     time: Float[Array, ""],
 ) -> Float[Array, "n K R"]:
@@ -104,7 +104,7 @@ def under_earth(
 
 def covariance_under_earth(
     P: Covariance,
-    gradient: Float[Array, "3 3 R"] | None,
+    gradient: Float[Array, "3 3 #R"] | None,
     rate: Float[Array, "3 1"] | None,
     time: Float[Array, ""],
 ) -> Covariance:

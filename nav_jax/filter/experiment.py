@@ -5,6 +5,7 @@ the parameters of the emulated errors, of the filter, of the aiding noise and of
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -92,7 +93,8 @@ class Setup:
         bound_programs()
         self.scenario, self.rate = scenario, rate
         self.aiding = tuple(s.on(scenario.earth) for s in scenario.aiding)
-        self.imu, self.reference = perfect_imu(scenario.reference, rate, scenario.earth)
+        imu, self.reference = perfect_imu(scenario.reference, rate, scenario.earth)
+        self.imu = replace(imu, temperature=scenario.temperature_at(imu.time + 0.5 / imu.rate))
         # resampled, it may end a little earlier
         epochs = self.reference.time
         start, end = float(epochs[0]), float(epochs[-1])

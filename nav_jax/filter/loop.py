@@ -19,7 +19,7 @@ from nav_jax.filter.measurement import Measurements, Sensors, compensated_means,
 from nav_jax.filter.score import Judgement, Truth, claim, judge
 from nav_jax.filter.status import Status
 from nav_jax.filter.timeline import Comparison, Estimate, Gains, Inputs, Memory, Outcome, Timeline, Trace
-from nav_jax.imu.bank import SensorBank, alone, step_noises
+from nav_jax.imu.bank import SensorBank, alone, step_noises, with_errors
 from nav_jax.kinematics.earth import Pull
 from nav_jax.kinematics.state import NavState
 
@@ -70,7 +70,7 @@ def run_estimate(
         kind, imu, own, shaken = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
-        sensed = imu[:, :, None] + errors
+        sensed = with_errors(imu[:, :, None], errors)
         state, motion = mechanise_with_motion(state, sensed, timeline.dt[kind], ends, bank, timeline.earth, pull)
         at = between.step(at, motion, kind, shaken)
         kept = _estimate(state, bank, claim(at.P, alike, imu[0, :, None]).sd, imu[0, :, None]) if trace else None
@@ -81,7 +81,7 @@ def run_estimate(
         at, z, own = given
         P, Phi = _under_earth(*between.end(underway), timeline, pull, at.halves, 0)
         sensed = at.sensed[:, None]
-        reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
+        reading = bank.compensated(with_errors(sensed, inputs.errors.sample(noise, own)), state.x) if moves else None
         means = compensated_means(at.means, _of_means(inputs, aiding, noise, own), bank, state.x)
         H = whitened(at.whitening, aiding.derivative(state, reading, bank, means) if constant is None else constant)
         residual, passed = whitened(at.whitening, z - aiding.predict(state, reading, means)), None
@@ -203,7 +203,7 @@ def run_reference(
         kind, imu, own, sd = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
-        state = mechanise(state, imu[:, :, None] + errors, timeline.dt[kind], ends, bank, timeline.earth, pull)
+        state = mechanise(state, with_errors(imu[:, :, None], errors), timeline.dt[kind], ends, bank, timeline.earth, pull)
         kept = None if sd is None else _estimate(state, bank, sd, imu[0, :, None])
         return (state, status, noise, pull), kept
 
@@ -211,7 +211,7 @@ def run_reference(
         state, status, noise, _ = carry
         at, known, z, own = given
         sensed = at.sensed[:, None]
-        reading = bank.compensated(sensed + inputs.errors.sample(noise, own), state.x) if moves else None
+        reading = bank.compensated(with_errors(sensed, inputs.errors.sample(noise, own)), state.x) if moves else None
         means = compensated_means(at.means, _of_means(inputs, aiding, noise, own), bank, state.x)
         H = known.H if constant is None else constant
         c, innovation = correction(known.update.gain, z - aiding.predict(state, reading, means), H)
@@ -237,12 +237,12 @@ def _of_means(inputs: Inputs, aiding: Measurements, noise: Any, own: Any) -> Flo
 
 
 def _estimate(
-    state: NavState, bank: SensorBank, sd: Float[Array, "judged Q"], sensed: Float[Array, "ch 1"]
+    state: NavState, bank: SensorBank, sd: Float[Array, "judged Q"], sensed: Float[Array, "seen 1"]
 ) -> Estimate:
     return Estimate(state.p, state.v, state.q, bank.errors(state.x, sensed), sd)
 
 
-def _first(timeline: Timeline) -> Float[Array, "ch 1"]:
+def _first(timeline: Timeline) -> Float[Array, "seen 1"]:
     """What the IMU senses at the start."""
     return timeline.imu[0, 0, 0, :, None]
 
@@ -265,9 +265,9 @@ def _trace(
 class _Event(NamedTuple):
     truth: Truth
     valid: Float[Array, "M K"]
-    sensed: Float[Array, "M ch"]
+    sensed: Float[Array, "M seen"]
     whitening: Float[Array, "M K K"] | None
-    means: Float[Array, "M W ch"] | None
+    means: Float[Array, "M W seen"] | None
     halves: Float[Array, "M 2"] | None
 
 

@@ -24,7 +24,7 @@ from nav_jax.aiding.states import OwnStates
 from nav_jax.filter.ekf import inject
 from nav_jax.filter.layout import ATTITUDE, JUDGED, NAVIGATION, Block, Layout
 from nav_jax.filter.timeline import Timeline
-from nav_jax.imu.bank import SensorBank
+from nav_jax.imu.bank import SensorBank, with_errors
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.kinematics.earth import EarthInLoops
 from nav_jax.kinematics.rotation import cross, rotate_back
@@ -90,8 +90,8 @@ class Measurements(eqx.Module):
     def predict(
         self,
         state: NavState,
-        reading: Float[Array, "ch R"] | None,
-        means: Float[Array, "W ch R"] | None = None,
+        reading: Float[Array, "seen R"] | None,
+        means: Float[Array, "W seen R"] | None = None,
     ) -> Float[Array, "K R"]:
         """What is measured without noise.
 
@@ -118,8 +118,8 @@ class Measurements(eqx.Module):
     def partials(
         self,
         state: NavState,
-        reading: Float[Array, "ch R"] | None,
-        means: Float[Array, "W ch R"] | None = None,
+        reading: Float[Array, "seen R"] | None,
+        means: Float[Array, "W seen R"] | None = None,
     ) -> Partials:
         """Derivatives at a state; parameters as of `predict`."""
         num_runs, num_own = state.p.shape[1], self.own.readout.shape[0]
@@ -142,7 +142,7 @@ class Measurements(eqx.Module):
         return Partials(navigation, own, of_body)
 
     def over_state(
-        self, partials: Partials, bank: SensorBank, reading: Float[Array, "ch _"] | None
+        self, partials: Partials, bank: SensorBank, reading: Float[Array, "seen _"] | None
     ) -> Float[Array, "K n R"]:
         """Derivatives along the error state of a filter with these states, the aiding sensors' own ones last.
 
@@ -159,9 +159,9 @@ class Measurements(eqx.Module):
     def derivative(
         self,
         state: NavState,
-        reading: Float[Array, "ch R"] | None,
+        reading: Float[Array, "seen R"] | None,
         bank: SensorBank,
-        means: Float[Array, "W ch R"] | None = None,
+        means: Float[Array, "W seen R"] | None = None,
     ) -> Float[Array, "K n R"]:
         """Derivatives at a state, along the error state; parameters as of `predict`."""
         return self.over_state(self.partials(state, reading, means), bank, reading)
@@ -170,8 +170,8 @@ class Measurements(eqx.Module):
         self,
         sensor: int,
         state: NavState,
-        reading: Float[Array, "ch R"] | None,
-        means: Float[Array, "W ch R"] | None,
+        reading: Float[Array, "seen R"] | None,
+        means: Float[Array, "W seen R"] | None,
     ) -> BodyMotion | None:
         """The motion of the body as a sensor sees it."""
         if reading is None:
@@ -194,15 +194,15 @@ def measurements(timeline: Timeline, sensors: Sensors, *, drawn: bool = False) -
 
 
 def compensated_means(
-    means: Float[Array, "W ch"] | None,
+    means: Float[Array, "W seen"] | None,
     errors: Float[Array, "W ch R"] | None,
     bank: SensorBank,
     x: Float[Array, "M R"],
-) -> Float[Array, "W ch R"] | None:
+) -> Float[Array, "W seen R"] | None:
     """Means of readings without the errors that a filter estimates, from those of perfect ones and their errors."""
     if means is None:
         return None
-    given = means[:, :, None] + (0.0 if errors is None else errors)
+    given = means[:, :, None] if errors is None else with_errors(means[:, :, None], errors)
     return jnp.stack([bank.compensated(m, x) for m in given])
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gmwm_jax._internal.checks import integer, number, of_kind
+from gmwm_jax._internal.checks import integer, number, of_kind, real_array
 from gmwm_jax._internal.states import saved
-from gmwm_jax._internal.typing import Real
+from gmwm_jax._internal.typing import Real, Times
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.states import group_names
 from nav_jax.filter.initial import InitialUncertainty, warn_of_attitude
@@ -21,7 +21,7 @@ OUTPUT_INTERVAL = 1.0
 """Default s between the epochs of results."""
 
 
-@saved(added=("neglected", "suspected"))
+@saved(added=("neglected", "suspected", "temperature"))
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario:
     """A trajectory with its aiding, its start and its Earth: all of a study but the noise of the IMU and the filters.
@@ -52,6 +52,9 @@ class Scenario:
         lever_arm`` where a `GnssPosition` was given ``lever_arm_sd=...``.
     suspected
         Errors of aiding sensors that filters have as states, and that are zero.
+    temperature
+        Of the IMU at the times of the reference, in K or deg C: for errors that depend on how it changes, see
+        `nav_jax.imu.TemperatureBias`. Nobody knows it unless it is given.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class Scenario:
     output_interval: Real = OUTPUT_INTERVAL
     neglected: Sequence[str] = ()
     suspected: Sequence[str] = ()
+    temperature: Times | None = None
 
     def __post_init__(self) -> None:
         of_kind("reference", self.reference, Trajectory)
@@ -103,6 +107,13 @@ class Scenario:
         for s in self.aiding:
             s.fixes(start, end)
         self.earth.check(self.reference.position, self.reference.origin)
+        if self.temperature is not None:
+            given = real_array("The temperature of a scenario", self.temperature, (len(self.reference),))
+            object.__setattr__(self, "temperature", given)
+
+    def temperature_at(self, times: Times) -> Times | None:
+        """Return the temperature between the times of the reference; None where nobody knows it."""
+        return None if self.temperature is None else np.interp(times, self.reference.time, self.temperature)
 
     def __repr__(self) -> str:
         ref = self.reference

@@ -54,7 +54,7 @@ class Judgement(NamedTuple):
     """Of `GROUPS`; NaN where the covariance is singular."""
 
 
-def claim(P: Covariance, banks: SensorBank, sensed: Float[Array, "ch 1"]) -> Claim:
+def claim(P: Covariance, banks: SensorBank, sensed: Float[Array, "seen 1"]) -> Claim:
     """Marginal covariances that filters claim; `banks` has a leading axis, of 1 where runs share it.
 
     Errors of the channels are those at the reading `sensed` of the IMU.
@@ -70,7 +70,7 @@ def judge(
     bank: SensorBank,
     truth: Truth,
     lasting: Float[Array, "ch R"],
-    sensed: Float[Array, "ch 1"],
+    sensed: Float[Array, "seen 1"],
 ) -> Judgement:
     """Compare an estimate with the truth, where the IMU senses this."""
     psi = quat_to_rotvec(quat_multiply(state.q, quat_conjugate(jnp.broadcast_to(truth.q, state.q.shape))))

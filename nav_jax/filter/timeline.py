@@ -29,8 +29,8 @@ from nav_jax.kinematics.state import NavState
 class Timeline(eqx.Module):
     """A run's schedule and what all runs share, as arrays; M segments of G steps of n pieces."""
 
-    imu: Float[Array, "M G n ch"]
-    """Perfect sensors."""
+    imu: Float[Array, "M G n seen"]
+    """Perfect sensors, and behind them the temperature less that at the start, in K, where it is known."""
     pattern: Int[Array, "M G"]
     dt: Float[Array, "U n"]
     ends: Float[Array, "U n"]
@@ -39,7 +39,7 @@ class Timeline(eqx.Module):
     valid: Float[Array, "M K"]
     """1 where a scalar is measured at the end of a segment."""
     earth: EarthInLoops
-    sensed: Float[Array, "M ch"]
+    sensed: Float[Array, "M seen"]
     """The perfect sample that begins at the end of each segment, or goes on there."""
     own: OwnStates
     """States of the aiding sensors that filters have."""
@@ -48,7 +48,7 @@ class Timeline(eqx.Module):
     whitening: Float[Array, "M K K"] | None = None
     """What is multiplied onto residuals and derivatives of scalars whose noise is another at every event; None where
     it is the same at all."""
-    means: Float[Array, "M W ch"] | None = None
+    means: Float[Array, "M W seen"] | None = None
     """Of perfect samples about the end of each segment, in the windows of all sensors; None if there are none."""
     shaken: Float[Array, "M G ch #R"] | None = None
     """Variance of further white noise in the integral of each channel over each step; None for none."""
@@ -179,24 +179,29 @@ def timeline_of(
     for at, size, segments in zip(np.cumsum([0, *sizes]), sizes, fix_segments, strict=False):
         valid[segments, at : at + size] = 1.0
     after = np.minimum(np.cumsum(schedule.ends[schedule.pattern].sum(axis=(1, 2))).astype(int), len(imu) - 1)
-    both = np.concatenate([imu.accel, imu.gyro], axis=1)
+    warmer = [] if imu.temperature is None else [(imu.temperature - imu.temperature[0])[:, None]]
+    seen = np.concatenate([imu.accel, imu.gyro, *warmer], axis=1)
+    means = window_means(imu, schedule.time, [w for s in sensors for w in s.windows])
+    if means is not None and warmer:
+        now = jnp.broadcast_to(as_float(warmer[0][after])[:, None], (*means.shape[:2], 1))
+        means = jnp.concatenate([means, now], axis=2)
     added = None
     if shaken is not None:
         lengths = schedule.dt[schedule.pattern]
         densities = shaken[samples].reshape(M, G, -1, len(CHANNELS))
         added = as_float(np.einsum("mgn,mgnc->mgc", lengths, densities)[..., None])
     return Timeline(
-        imu=as_float(both[samples].reshape(M, G, -1, len(CHANNELS))),
+        imu=as_float(seen[samples].reshape(M, G, -1, seen.shape[1])),
         pattern=jax.device_put(schedule.pattern),
         dt=as_float(schedule.dt),
         ends=as_float(schedule.ends),
         truth=truth,
         valid=as_float(valid),
         earth=_in_loops(earth),
-        sensed=as_float(both[after]),
+        sensed=as_float(seen[after]),
         own=own_states(sensors, imu.rate, neglected),
         drawn=own_states(sensors, imu.rate, suspected),
-        means=window_means(imu, schedule.time, [w for s in sensors for w in s.windows]),
+        means=means,
         shaken=added,
     )
 

@@ -30,6 +30,7 @@ from nav_jax.imu.deterministic import DETERMINISTIC as DETERMINISTIC
 from nav_jax.imu.deterministic import GSensitivity as GSensitivity
 from nav_jax.imu.deterministic import Misalignment as Misalignment
 from nav_jax.imu.deterministic import ScaleFactor as ScaleFactor
+from nav_jax.imu.deterministic import TemperatureBias as TemperatureBias
 from nav_jax.imu.errors import ImuErrors as ImuErrors
 from nav_jax.imu.gravity import GravityDisturbance as GravityDisturbance
 from nav_jax.imu.imu import Imu as Imu

@@ -22,7 +22,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from nav_jax.imu.channels import CHANNELS, GRAVITY, SensorState
+from nav_jax.imu.channels import CHANNELS, GRAVITY, TEMPERATURE, SensorState
 
 
 class Travel(NamedTuple):
@@ -60,16 +60,16 @@ class SensorBank(eqx.Module):
 
     @property
     def depends(self) -> bool:
-        """Does what a state does depend on what the IMU senses?"""
+        """Does what a state does depend on what the IMU senses, or on its temperature?"""
         return any(s.reads is not None for s in self.states)
 
-    def readout_at(self, sensed: Float[Array, "ch _"] | None) -> Float[Array, "M _"]:
+    def readout_at(self, sensed: Float[Array, "seen _"] | None) -> Float[Array, "M _"]:
         """What each state adds to its channel, at a reading of the IMU; that is not looked at unless `depends`."""
         if not self.depends:
             return self.readout[:, None]
         return self.readout[:, None] * multiples(self.states, sensed)
 
-    def errors(self, x: Float[Array, "M R"], sensed: Float[Array, "ch _"] | None = None) -> Float[Array, "ch R"]:
+    def errors(self, x: Float[Array, "M R"], sensed: Float[Array, "seen _"] | None = None) -> Float[Array, "ch R"]:
         """The error of each channel without its white part, where it senses that."""
         return by_channel(self.channels, self.readout_at(sensed) * x)
 
@@ -77,7 +77,7 @@ class SensorBank(eqx.Module):
         """The part of `errors` that is the same whatever is sensed."""
         return by_channel(self.channels, self._part(changing=False)[:, None] * x)
 
-    def changing(self, x: Float[Array, "M R"], sensed: Float[Array, "ch _"]) -> Float[Array, "ch R"]:
+    def changing(self, x: Float[Array, "M R"], sensed: Float[Array, "seen _"]) -> Float[Array, "ch R"]:
         """The other part."""
         return by_channel(self.channels, self._part(changing=True)[:, None] * multiples(self.states, sensed) * x)
 
@@ -86,12 +86,12 @@ class SensorBank(eqx.Module):
             return self.readout
         return self.readout * np.array([float((s.reads is not None) == changing) for s in self.states])
 
-    def compensated(self, sample: Float[Array, "ch _"], x: Float[Array, "M R"]) -> Float[Array, "ch R"]:
+    def compensated(self, sample: Float[Array, "seen _"], x: Float[Array, "M R"]) -> Float[Array, "seen R"]:
         """What the IMU has sensed, from what it says: its sample without the errors of these states."""
         if not self.depends:
-            return sample - self.errors(x)
+            return with_errors(sample, -self.errors(x))
         # errors are multiples of what is sensed: once more, and what is left is of third order in them
-        return sample - self.errors(x, sample - self.errors(x, sample))
+        return with_errors(sample, -self.errors(x, with_errors(sample, -self.errors(x, sample))))
 
     def gravity(self, x: Float[Array, "M R"]) -> Float[Array, "3 R"]:
         """What gravity is more than that of the Earth's model, in n."""
@@ -150,7 +150,7 @@ class StepNoise(eqx.Module):
         transition = self.transition * (left if self.diagonal else left[:, None])
         return eqx.tree_at(lambda n: (n.transition, n.driving), self, (transition, driving))
 
-    def integrate(self, X: Float[Array, "M K R"], reading: Float[Array, "ch _"] | None) -> Float[Array, "_ K R"]:
+    def integrate(self, X: Float[Array, "M K R"], reading: Float[Array, "seen _"] | None) -> Float[Array, "_ K R"]:
         """Weighted sum over the states of each channel, and behind the six those of gravity if there are such states.
 
         `reading` is the mean of the step, if states depend on it.
@@ -177,7 +177,18 @@ class StepNoise(eqx.Module):
 
 
 def multiples(states: tuple[SensorState, ...], sensed: Any) -> Float[Array, "M R"]:
-    """The reading of which the effect of each state is a multiple, 1 where it is of none."""
+    """The reading of which the effect of each state is a multiple, 1 where it is of none.
+
+    Raises
+    ------
+    ValueError
+        A state depends on the temperature, and nobody knows that.
+    """
+    if len(sensed) <= TEMPERATURE and any(s.reads == TEMPERATURE for s in states):
+        raise ValueError(
+            "A bias by temperature depends on the temperature, which nobody has stated: a Scenario takes the series "
+            "as temperature=..., a recorded Imu likewise."
+        )
     one = jnp.ones((1, sensed.shape[1]))
     at = np.array([0 if s.reads is None else 1 + s.reads for s in states], dtype=int)
     return jnp.concatenate([one, sensed])[at]
@@ -185,6 +196,15 @@ def multiples(states: tuple[SensorState, ...], sensed: Any) -> Float[Array, "M R
 
 IMU = tuple(range(len(CHANNELS)))
 """The channels of an IMU."""
+
+
+def with_errors(sensed: Float[Array, "*n seen _"], errors: Float[Array, "*n ch R"]) -> Float[Array, "*n seen R"]:
+    """What is said of what is sensed: its channels with errors, a temperature behind them without."""
+    channels = sensed[..., : len(CHANNELS), :] + errors
+    if sensed.shape[-2] == len(CHANNELS):
+        return channels
+    rest = sensed[..., len(CHANNELS) :, :]
+    return jnp.concatenate([channels, jnp.broadcast_to(rest, (*rest.shape[:-1], channels.shape[-1]))], axis=-2)
 
 
 def by_channel(channels: tuple[int, ...], X: Float[Array, "M *K"], of: tuple[int, ...] = IMU) -> Float[Array, "_ *K"]:

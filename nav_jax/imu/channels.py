@@ -8,6 +8,9 @@ CHANNELS = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
 GRAVITY = (6, 7, 8)
 """Channels of states that are gravity along n: no axis of the IMU reads them, but a mechanisation does."""
 
+TEMPERATURE = len(CHANNELS)
+"""Row of what is sensed, behind those of the channels: the temperature less that at the start, where it is known."""
+
 NO_CHANNEL = -1
 """Channel of a state that no axis of the IMU reads, such as one of an aiding sensor."""
 
@@ -26,7 +29,7 @@ class SensorState(NamedTuple):
     """Does a filter hold it? The truth has states that no filter has, such as those of quantisation noise."""
 
     reads: int | None = None
-    """The channel of whose reading its effect is a multiple; None where its effect is the same at all times."""
+    """The channel of whose reading its effect is a multiple, or `TEMPERATURE`; None where that is the same at all times."""
 
     @property
     def is_of_imu(self) -> bool:

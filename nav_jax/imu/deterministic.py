@@ -1,10 +1,12 @@
 """Errors of an IMU that are no noise: constants of a unit whose effect depends on what it senses.
 
 A calibration leaves them unknown by so much. They are drawn for every run, and a filter estimates them: each is a state
-that does not move, of which an axis of the IMU reads a multiple, by the reading of this axis or of another.
+that does not move, of which an axis of the IMU reads a multiple, by the reading of this axis, of another, or of a
+thermometer.
 
     sensed_i = (1 + s_i) u_i + sum_j m_ij u_j        scale factors s, misalignments m, for accelerometers and gyros
     sensed_i = u_i + sum_j g_ij f_j                  g-sensitivities g of gyros, by the specific force f
+    sensed_i = u_i + c_i (T - T_0)                   biases by temperature c, T_0 that at the start
 
 One more kind is a class here and a row of `DETERMINISTIC`.
 """
@@ -20,7 +22,7 @@ from jaxtyping import Array, Float, Float64
 from gmwm_jax._internal.checks import as_float, concrete, positive
 from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.states import register
-from nav_jax.imu.channels import CHANNELS, SensorState
+from nav_jax.imu.channels import CHANNELS, TEMPERATURE, SensorState
 
 
 class Constant(NamedTuple):
@@ -145,12 +147,43 @@ class GSensitivity(AbstractDeterministic):
             yield Constant(SensorState(channel, f"{self.label} {_axis(force)}", reads=force), self.sd[channel])
 
 
+class TemperatureBias(AbstractDeterministic):
+    """The bias of a channel changes by c for each kelvin that it is warmer than at the start.
+
+    How the temperature goes is stated of a scenario (``temperature=``), or recorded beside the samples of an `Imu`. The
+    bias at the start is the turn-on bias.
+
+    Parameters
+    ----------
+    accel_sd, gyro_sd
+        Standard deviations of c, one number or three (x, y, z), (m/s^2)/K and (rad/s)/K. Zero where there is none.
+
+    Raises
+    ------
+    ValueError
+        A negative standard deviation, or another number of them.
+
+    Examples
+    --------
+    >>> warming = nj.imu.TemperatureBias(accel_sd=1e-3, gyro_sd=1e-5)
+    >>> errors = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0, deterministic=[warming])
+    >>> str(errors.states[0])
+    'accel x temperature'
+    """
+
+    label: ClassVar[str] = "temperature"
+
+    def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
+        yield Constant(SensorState(channel, self.label, reads=TEMPERATURE), self.sd[channel])
+
+
 def _axis(channel: int) -> str:
     return CHANNELS[channel].split()[1]
 
 
 DETERMINISTIC: dict[str, type[AbstractDeterministic]] = {
-    "scale_factor": ScaleFactor, "misalignment": Misalignment, "g_sensitivity": GSensitivity
+    "scale_factor": ScaleFactor, "misalignment": Misalignment, "g_sensitivity": GSensitivity,
+    "temperature_bias": TemperatureBias,
 }  # fmt: skip
 """By the names that configuration files know them by: one row a kind."""
 
@@ -159,6 +192,6 @@ class _State(NamedTuple):
     sd: Float64[np.ndarray, "6"]
 
 
-for _cls in (ScaleFactor, Misalignment):
+for _cls in (ScaleFactor, Misalignment, TemperatureBias):
     register(_cls, _State, lambda d: _State(np.asarray(d.sd)), lambda state, cls=_cls: cls(state.sd[:3], state.sd[3:]))
 register(GSensitivity, _State, lambda d: _State(np.asarray(d.sd)), lambda state: GSensitivity(state.sd[3:]))

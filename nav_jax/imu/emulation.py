@@ -103,8 +103,8 @@ class Beside(NamedTuple):
 
     stateless: Float[Array, "*M ch R"] | None
     """Errors of the processes without a state."""
-    sensed: Float[Array, "*M ch"] | None
-    """Perfect samples, where the effect of states depends on them."""
+    sensed: Float[Array, "*M seen"] | None
+    """Perfect samples, where the effect of states depends on them, and the temperature where it is known."""
     path: Path | None = None
     """Of the samples, where gravity has states."""
 
@@ -273,7 +273,7 @@ def emulate(
     keys: Key[Array, " R"],
     num_samples: int,
     ends: Float[Array, "M G n"],
-    sensed: tuple[Float[Array, "M G n ch"], Float[Array, "M ch"]] | None = None,
+    sensed: tuple[Float[Array, "M G n seen"], Float[Array, "M seen"]] | None = None,
     path: Path | None = None,
 ) -> AbstractErrors:
     """Errors of R runs of N samples.
@@ -289,8 +289,8 @@ def emulate(
     ends
         1 where a piece ends its sample.
     sensed
-        Perfect samples of the pieces, and at the ends of segments: for errors that depend on what is sensed, and for
-        an output.
+        Perfect samples of the pieces, and at the ends of segments, with the temperature behind them where it is known:
+        for errors that depend on them, and for an output.
     path
         The true motion over the N samples: for gravity that depends on where one is.
 
@@ -305,7 +305,8 @@ def emulate(
         if sensed is None:
             raise ValueError("What an output does to a sample depends on what is sensed: give the perfect samples.")
         inner = emulate(errors.sensed, keys, num_samples, ends, sensed, path)
-        return _said(inner, errors.output, errors.rate, ends, sensed)
+        of_pieces, at_ends = (a[..., : len(CHANNELS)] for a in sensed)
+        return _said(inner, errors.output, errors.rate, ends, (of_pieces, at_ends))
     bank = errors.bank()
     if bank.depends and sensed is None:
         raise ValueError("Errors that are no noise depend on what is sensed: give the perfect samples.")

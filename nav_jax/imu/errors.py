@@ -50,7 +50,8 @@ class ImuErrors(eqx.Module):
         Standard deviation of a turn-on bias, constant in each run (m/s^2, rad/s); one number or three. A filter has a
         state for each that is not zero; for a traced one, of which nobody knows whether it is, always.
     deterministic
-        Constants of the unit that a calibration has left unknown: `ScaleFactor`, `Misalignment`, `GSensitivity`.
+        Constants of the unit that a calibration has left unknown: `ScaleFactor`, `Misalignment`, `GSensitivity`,
+        `TemperatureBias`.
     gravity
         What gravity is other than the Earth's, which accelerometers feel: a `GravityDisturbance`; none if not given.
     start

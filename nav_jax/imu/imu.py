@@ -51,6 +51,9 @@ class Imu:
         Specific force in m/s^2, front, right, down, shape (N, 3); at rest it is minus gravity.
     rate
         In Hz.
+    temperature
+        Of the IMU in K or deg C, shape (N,), for what depends on how it changes, see `nav_jax.imu.TemperatureBias`;
+        None where nobody has measured it.
 
     Raises
     ------
@@ -71,6 +74,7 @@ class Imu:
     gyro: Vectors
     accel: Vectors
     rate: float
+    temperature: Times | None = None
 
     def __post_init__(self) -> None:
         time = real_array("The time of an IMU", self.time, (None,))
@@ -80,8 +84,15 @@ class Imu:
         arrays: dict[str, Any] = {"time": time, "rate": rate}
         for field in ("gyro", "accel"):
             arrays[field] = real_array(f"The {field} of an IMU", getattr(self, field), (len(time), 3))
+        if self.temperature is not None:
+            arrays["temperature"] = real_array("The temperature of an IMU", self.temperature, (len(time),))
         for field, value in arrays.items():
             object.__setattr__(self, field, value)
+
+    def part(self, first: int, last: int) -> "Imu":
+        """Return the samples from one to before another, by their numbers."""
+        warm = None if self.temperature is None else self.temperature[first:last]
+        return Imu(self.time[first:last], self.gyro[first:last], self.accel[first:last], self.rate, warm)
 
     @property
     def duration(self) -> float:

@@ -31,7 +31,14 @@ STAMPS = {"begin": 0.0, "middle": 0.5, "end": 1.0}
 
 
 def imu_of_samples(
-    time: Any, gyro: Any, accel: Any, rate: Real, *, samples: str = "averages", stamps: str = "begin"
+    time: Any,
+    gyro: Any,
+    accel: Any,
+    rate: Real,
+    *,
+    samples: str = "averages",
+    stamps: str = "begin",
+    temperature: Any = None,
 ) -> Imu:
     """Make the IMU whose held samples lead where recorded ones say that the body went.
 
@@ -50,6 +57,8 @@ def imu_of_samples(
     stamps
         What of its sample a stamp marks: ``begin``, ``middle`` or ``end``, as increments have it that have just been
         read out.
+    temperature
+        Of the IMU at the stamps, see `Imu`.
 
     Raises
     ------
@@ -73,13 +82,15 @@ def imu_of_samples(
         raise ValueError("The stamps of instants mark nothing but these: leave stamps out.")
     t, f = real_array("The time of an IMU", time, (None,)), float(sampling_rate(rate))
     w, a = (real_array(f"The {name}", x, (len(t), 3)) for name, x in (("gyro", gyro), ("accel", accel)))
+    warm = None if temperature is None else real_array("The temperature", temperature, (len(t),))
     if samples == "held":
-        return Imu(t - STAMPS[stamps] / f, w, a, f)
+        return Imu(t - STAMPS[stamps] / f, w, a, f, warm)
     if samples == "instants":
         t, w, a = t[:-1], (w[1:] + w[:-1]) / 2, (a[1:] + a[:-1]) / 2
+        warm = None if warm is None else (warm[1:] + warm[:-1]) / 2
     if len(t) < 2:
         raise ValueError(f"The record has {len(t)} samples, and a correction needs the one before.")
-    return Imu(t - STAMPS[stamps] / f, *corrected(w, a, f), f)
+    return Imu(t - STAMPS[stamps] / f, *corrected(w, a, f), f, warm)
 
 
 def corrected(gyro: Vectors, accel: Vectors, rate: float) -> tuple[Vectors, Vectors]:

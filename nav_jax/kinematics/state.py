@@ -46,11 +46,11 @@ class BodyMotion(NamedTuple):
 
 
 def body_motion(
-    reading: Float[Array, "ch R"], q: Float[Array, "4 R"], rate_n: Float[Array, "3 1"] | None
+    reading: Float[Array, "seen R"], q: Float[Array, "4 R"], rate_n: Float[Array, "3 1"] | None
 ) -> BodyMotion:
     """What an IMU reads, as the motion over an Earth that turns at this rate, or does not turn (None).
 
     The rate of the Earth is in the readings of gyros, and moves no lever arm.
     """
-    rate = reading[3:] if rate_n is None else reading[3:] - rotate_back(q, rate_n)
+    rate = reading[3:6] if rate_n is None else reading[3:6] - rotate_back(q, rate_n)
     return BodyMotion(reading[:3], rate)

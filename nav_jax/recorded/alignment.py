@@ -77,7 +77,7 @@ def between(imu: Imu, start: float | None = None, end: float | None = None) -> I
             f"The record is of {imu.time[0]:g} to {imu.epochs[-1]:g} s, and no two samples lie in what is asked for: "
             f"{imu.time[0] if start is None else start:g} to {imu.epochs[-1] if end is None else end:g} s."
         )
-    return Imu(imu.time[first:last], imu.gyro[first:last], imu.accel[first:last], imu.rate)
+    return imu.part(first, last)
 
 
 @dataclass(frozen=True, eq=False)

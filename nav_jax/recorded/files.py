@@ -64,7 +64,8 @@ def read_imu(
     rate
         Hz; from the times unless given.
     columns
-        Columns that are not found by their names, as in ``{"gyro_x": "wx"}``, by name or number.
+        Columns that are not found by their names, as in ``{"gyro_x": "wx"}``, by name or number. The temperature is
+        read where its column is named here, ``{"temperature": "T"}``, in K or deg C.
     time_unit
         ``s``, ``ms``, ``us``, ``ns``, ``min`` or ``h``; seconds unless the name says another.
     gaps
@@ -113,7 +114,9 @@ def read_imu(
         f = found.rate if rate is None else float(sampling_rate(rate))
         gyro, accel = (opened.sensor(*of, f)[found.rows] for of in _SENSORS)
         warn_of_units(gyro, accel)
-        return imu_of_samples(opened.first + found.time, gyro, accel, f, samples=samples, stamps=stamps)
+        warm = opened.read.values["temperature"][found.rows] if "temperature" in opened.read.values else None
+        time = opened.first + found.time
+        return imu_of_samples(time, gyro, accel, f, samples=samples, stamps=stamps, temperature=warm)
     except ValueError as error:
         raise _of_file(error, source) from error
 
@@ -201,6 +204,8 @@ def _open(source: Any, how: Reading, units: Any, scale: Any, columns: Any, time_
         told = {**table.roles, **({} if columns is None else columns)}
         stamped = table.stamps if "time" not in told else None
         wanted = (*GYRO, *ACCEL) if stamped is not None else ("time", *GYRO, *ACCEL)
+        # a thermometer that nobody asks for may have gaps
+        wanted = (*wanted, *(q for q in ("temperature",) if q in told))
         read = Reader(table, pick(table, wanted, told or None), None, time_unit)
         if stamped is None:
             time = _seconds(read)

@@ -321,7 +321,7 @@ def prepare_navigation(
                 on_top[segments, a:b, a:b] = w if f.sensor.mixing is None else w @ np.asarray(f.sensor.mixing)
         timeline = eqx.tree_at(lambda t: t.whitening, timeline, as_float(on_top), is_leaf=lambda x: x is None)
     zero = as_float(np.zeros((M, len(CHANNELS), 1)))
-    none = GivenErrors(as_float(np.zeros((*timeline.imu.shape, 1))), AtEnd(zero, zero))
+    none = GivenErrors(as_float(np.zeros((*timeline.imu.shape[:-1], len(CHANNELS), 1))), AtEnd(zero, zero))
     return Prepared(
         timeline,
         sensors,

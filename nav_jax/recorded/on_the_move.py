@@ -205,7 +205,7 @@ def _arranged(
     epochs = imu.epochs
     begin = max(int(np.searchsorted(epochs, part.time[0] - late + slack, side="right")) - 1, 0)
     end = int(np.searchsorted(epochs, part.time[-1] - slack))
-    imu = Imu(imu.time[begin:end], imu.gyro[begin:end], imu.accel[begin:end], imu.rate)
+    imu = imu.part(begin, end)
     time = imu.epochs - imu.epochs[0]
     at_fixes = part.time - imu.epochs[0]
     when = at_fixes - late

@@ -8,7 +8,8 @@ import pytest
 
 from gmwm_jax import GM, WN
 from nav_jax.imu.bank import alone, step_noise
-from nav_jax.imu.deterministic import DETERMINISTIC, GSensitivity, Misalignment, ScaleFactor
+from nav_jax.imu.channels import TEMPERATURE
+from nav_jax.imu.deterministic import DETERMINISTIC, GSensitivity, Misalignment, ScaleFactor, TemperatureBias
 from nav_jax.imu.emulation import emulate, write_out
 from nav_jax.imu.errors import ImuErrors
 
@@ -17,6 +18,7 @@ CASES = {
     ScaleFactor: lambda i, j: i == j,
     Misalignment: lambda i, j: i != j and i // 3 == j // 3,
     GSensitivity: lambda i, j: i >= 3 and j < 3,
+    TemperatureBias: lambda i, j: j == TEMPERATURE,
 }
 every_kind = pytest.mark.parametrize("kind", CASES, ids=lambda k: k.__name__)
 
@@ -36,8 +38,8 @@ def errors_of(*deterministic, noise=0.0):
 
 
 def matrix(bank, x):
-    """The errors as a matrix on what is sensed."""
-    M = np.zeros((6, 6))
+    """The errors as a matrix on what is sensed, the temperature last."""
+    M = np.zeros((6, 7))
     for state, value in zip(bank.states, x, strict=True):
         M[state.channel, state.reads] += value
     return M
@@ -47,10 +49,10 @@ def matrix(bank, x):
 def test_errors_are_a_matrix_times_what_is_sensed(kind):
     bank = errors_of(of(kind, 1e-3, 2e-3)).bank()
     assert {(s.channel, s.reads) for s in bank.states} == {
-        (i, j) for i in range(6) for j in range(6) if CASES[kind](i, j)
+        (i, j) for i in range(6) for j in range(7) if CASES[kind](i, j)
     }
     rng = np.random.default_rng(1)
-    x, sensed = rng.normal(size=(len(bank.states), 4)), rng.normal(size=(6, 4))
+    x, sensed = rng.normal(size=(len(bank.states), 4)), rng.normal(size=(7, 4))
     expected = np.stack([matrix(bank, x[:, r]) @ sensed[:, r] for r in range(4)], axis=1)
     np.testing.assert_allclose(bank.errors(jnp.asarray(x), jnp.asarray(sensed)), expected, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(bank.changing(jnp.asarray(x), jnp.asarray(sensed)), expected, rtol=1e-12, atol=1e-14)
@@ -62,9 +64,9 @@ def test_a_compensated_sample_is_what_was_sensed_to_third_order(kind):
     """Errors of 1 %: what is left after one inversion by hand is below 1e-6 times the size squared of a sample."""
     bank = errors_of(of(kind, 1e-2, 1e-2)).bank()
     rng = np.random.default_rng(2)
-    x, sensed = 1e-2 * rng.normal(size=(len(bank.states), 1)), rng.normal(size=(6, 1))
-    said = sensed + matrix(bank, x[:, 0]) @ sensed
-    M = matrix(bank, x[:, 0])
+    x, sensed = 1e-2 * rng.normal(size=(len(bank.states), 1)), rng.normal(size=(7, 1))
+    M = np.vstack([matrix(bank, x[:, 0]), np.zeros((1, 7))])
+    said = sensed + M @ sensed
     found = bank.compensated(jnp.asarray(said), jnp.asarray(x))
     np.testing.assert_allclose(found, sensed, atol=10 * np.abs(M @ M @ M).max() + 2 * np.abs(M).max() ** 3)
     assert np.abs(said - sensed).max() > 1e-3
@@ -76,7 +78,7 @@ def test_what_is_emulated_is_what_the_states_say(kind, key):
     errors = errors_of(of(kind, [1e-3, 2e-3, 3e-3], 2e-3))
     ends = jnp.ones((3, 2, 2))
     rng = np.random.default_rng(3)
-    imu, at_end = jnp.asarray(rng.normal(size=(3, 2, 2, 6))), jnp.asarray(rng.normal(size=(3, 6)))
+    imu, at_end = jnp.asarray(rng.normal(size=(3, 2, 2, 7))), jnp.asarray(rng.normal(size=(3, 7)))
 
     @eqx.filter_jit
     def written(keys):
@@ -125,6 +127,12 @@ def test_the_integral_of_an_error_over_a_step_weighs_by_the_mean_reading():
         state = bank.advance(state, jnp.ones(()))
     found = noise.integrate(jnp.asarray(x)[:, None], jnp.asarray(samples.mean(axis=0)))
     np.testing.assert_allclose(np.asarray(found)[:, 0], total, rtol=1e-12)
+
+
+def test_a_temperature_that_nobody_has_stated():
+    bank = errors_of(TemperatureBias(1e-3, 1e-5)).bank()
+    with pytest.raises(ValueError, match="depends on the temperature, which nobody has stated"):
+        bank.errors(jnp.ones((6, 1)), jnp.ones((6, 1)))
 
 
 @pytest.mark.parametrize(

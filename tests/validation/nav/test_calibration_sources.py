@@ -22,13 +22,20 @@ FAST = nj.motions.racetrack(40.0, setups.RATE, speed=60.0, straight=5.0, turn=8.
 EARTH = nj.Wgs84([0.81, 0.115, 500.0])
 START = nj.InitialUncertainty(0.1, 0.05, 0.002)
 SCENARIO = nj.Scenario(
-    FAST, setups.aiding(25.0, 40.0)[:2], START, EARTH, every=5, output_interval=2.0
-)  # free inertial from 25 s on
+    FAST,
+    setups.aiding(25.0, 40.0)[:2],
+    START,
+    EARTH,
+    every=5,
+    output_interval=2.0,
+    temperature=25.0 - 15.0 * np.exp(-FAST.time / 20.0),
+)  # free inertial from 25 s on, and it warms up
 # as large as a filter can still believe, so that they show: the distance is short, so that they change
 SOURCES = {
     "scale factor": {"deterministic": [nj.imu.ScaleFactor(1e-3, 1e-3)]},
     "misalignment": {"deterministic": [nj.imu.Misalignment(1e-3, 1e-3)]},
     "g-sensitivity": {"deterministic": [nj.imu.GSensitivity([1e-5, 2e-5, 3e-5])]},
+    "temperature": {"deterministic": [nj.imu.TemperatureBias(2e-3, 2e-5)]},
     "gravity": {
         "gravity": nj.imu.GravityDisturbance(deflection=60 * ARCSEC, anomaly=300 * MGAL, distance=[500.0, 800.0, 1e3])
     },
@@ -94,7 +101,7 @@ def test_the_budget_names_them_and_adds_up():
     budget = nj.error_budget(SCENARIO, truth, nj.ImuErrors(*WHITE))
     assert {
         "accel scale", "gyro scale", "accel misalignment", "gyro misalignment", "gyro g-sensitivity",
-        "gravity deflection", "gravity anomaly",
+        "accel temperature", "gyro temperature", "gravity deflection", "gravity anomaly",
     } <= set(budget.sources)  # fmt: skip
     whole = np.einsum("eii->ei", nj.analyse(SCENARIO, truth, nj.ImuErrors(*WHITE))["filter"].true[:, :9, :9])
     np.testing.assert_allclose(budget.part.sum(axis=0), whole, rtol=1e-12)
@@ -104,7 +111,9 @@ def test_the_budget_names_them_and_adds_up():
 @pytest.fixture(scope="module")
 def short():
     reference = nj.motions.racetrack(8.0, setups.RATE, speed=60.0, straight=1.0, turn=3.0, ramp=1.0)
-    return dataclasses.replace(SCENARIO, reference=reference, aiding=setups.aiding(5.0, 8.0)[:2])
+    return dataclasses.replace(
+        SCENARIO, reference=reference, aiding=setups.aiding(5.0, 8.0)[:2], temperature=20.0 + reference.time
+    )
 
 
 def test_reverse_and_forward_mode_are_differences(short):
