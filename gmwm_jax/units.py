@@ -95,6 +95,7 @@ def _table() -> dict[str, Unit]:
         units[name] = Unit("1/s", size)
     for name, size in {"1": 1.0, "%": 1e-2, "ppm": 1e-6}.items():
         units[name] = Unit("1", size)
+    units["K"] = Unit("K", 1.0)
     # how a sensor depends on acceleration, and on temperature
     units["rad/s/(m/s^2)"] = Unit("rad/s/(m/s^2)", 1.0)
     units |= {f"{name}/g": Unit("rad/s/(m/s^2)", u.factor / _G) for name, u in units.items() if u.si == "rad/s"}

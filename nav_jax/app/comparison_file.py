@@ -253,7 +253,8 @@ def config_of(tables: Mapping[str, Any], folder: Path) -> Config:
             reference = replace(reference, origin=np.array(run.origin)) if reference.origin is None else reference
         origin = reference.origin if run.origin is None else np.array(run.origin)
         earth = run.build_earth(origin, "[run]")
-    without = {"neglected": tuple(run.neglected), "suspected": tuple(run.suspected)}
+    without: dict[str, Any] = {"neglected": tuple(run.neglected), "suspected": tuple(run.suspected)}
+    without["temperature"] = run.temperature(reference.time)
     scenario = Scenario(reference, sensors, initial, earth, run.every, run.output_interval, **without)
     return Config(scenario, truth, known, run, output)
 

@@ -16,8 +16,10 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax._internal.text_table import format_table
+from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.filter.layout import JUDGED, QUANTITIES
 from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.deterministic import DETERMINISTIC
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import NoiseModel
 from nav_jax.kinematics import rotation
@@ -359,7 +361,7 @@ def keys_of(errors: ImuErrors) -> dict[str, Any]:
     """
     keys: dict[str, Any] = {}
     for sensor, first in (("accel", 0), ("gyro", 3)):
-        texts = [_model_text(m) for m in errors.models[first : first + 3]]
+        texts = [_model_text(m) for m in errors.linear.models[first : first + 3]]
         keys[sensor] = texts[0] if len(set(texts)) == 1 else dict(zip("xyz", texts, strict=True))
     keys["rate"] = errors.rate
     for sensor, sd in (("accel", errors.bias_sd[:3]), ("gyro", errors.bias_sd[3:])):
@@ -367,6 +369,14 @@ def keys_of(errors: ImuErrors) -> dict[str, Any]:
             keys[f"{sensor}_bias_sd"] = np.asarray(sd).tolist()
     if errors.start != "stationary":
         keys["start"] = errors.start
+    names = {kind: name for name, kind in DETERMINISTIC.items()}
+    for d in errors.deterministic:
+        sd = {"accel_sd": np.asarray(d.sd[:3]).tolist(), "gyro_sd": np.asarray(d.sd[3:]).tolist()}
+        keys.setdefault("calibration", {})[names[type(d)]] = {key: sd[key] for key in d.units}
+    if errors.gravity is not None:
+        sd, distance = (np.asarray(x).tolist() for x in (errors.gravity.sd, errors.gravity.distance))
+        deflection = [x / STANDARD_GRAVITY for x in sd[:2]]
+        keys["gravity"] = {"deflection": deflection, "anomaly": sd[2], "distance": distance}
     return keys
 
 

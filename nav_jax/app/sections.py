@@ -14,13 +14,14 @@ from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from gmwm_jax.units import STANDARD_GRAVITY, convert, names
 from nav_jax.aiding.base import AbstractAiding, Setting
 from nav_jax.aiding.registry import AIDING as SENSORS
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
 from nav_jax.imu.datasheets import devices
+from nav_jax.imu.deterministic import DETERMINISTIC, AbstractDeterministic
 from nav_jax.imu.errors import ImuErrors, fitted_errors, recorded_errors, sensor_errors
 from nav_jax.imu.gravity import GravityDisturbance
 from nav_jax.imu.recorded import RecordedErrors
@@ -188,14 +189,43 @@ class GravitySection(Section):
         return GravityDisturbance(**self.given())
 
 
+def _calibration_section(kind: type[AbstractDeterministic]) -> type[Section]:
+    """The standard deviations of errors that a calibration leaves, from what their class says of them."""
+    fields: dict[str, Any] = {key: (Annotated[PerAxis, _axes_in(si)], 0.0) for key, si in kind.units.items()}
+    return create_model(kind.__name__, __base__=Section, **fields)
+
+
+CALIBRATION: dict[str, type[Section]] = {name: _calibration_section(kind) for name, kind in DETERMINISTIC.items()}
+"""Kind of an error that is no noise -> its section."""
+
+
+def _calibration(tables: Any) -> list[AbstractDeterministic]:
+    """The errors of a table of such sections."""
+    if not isinstance(tables, dict) or not set(tables) <= set(CALIBRATION):
+        raise ValueError(f"expected a table with some of {', '.join(CALIBRATION)}, and this is {tables!r}")
+    found = []
+    for name, table in tables.items():
+        try:
+            found.append(DETERMINISTIC[name](**CALIBRATION[name].model_validate(table).given()))
+        except ValidationError as error:
+            wrong = error.errors()[0]
+            why = wrong["ctx"]["error"] if wrong["type"] == "value_error" else wrong["msg"]
+            keys = ", ".join(CALIBRATION[name].model_fields)
+            where = ".".join(map(str, wrong["loc"])) or "it"
+            raise ValueError(f"{name}: {where}: {why}; it is a table with the keys {keys}") from error
+    return found
+
+
 class _Errors(Section):
     start: Literal["stationary", "zero"] = "stationary"
     accel_bias_sd: Annotated[PerAxis, _axes_in("m/s^2")] = 0.0
     gyro_bias_sd: Annotated[PerAxis, _axes_in("rad/s")] = 0.0
+    calibration: Annotated[list[Any], BeforeValidator(_calibration)] = []
     gravity: GravitySection | None = None
 
     def given(self, *left_out: str) -> dict[str, Any]:
-        stated = super().given(*left_out)
+        stated = super().given("calibration", *left_out)
+        stated |= {"deterministic": self.calibration} if self.calibration else {}
         return stated if self.gravity is None else stated | {"gravity": self.gravity.build()}
 
 
@@ -435,9 +465,20 @@ class RunSection(OfEarth):
     neglected: list[str] = []
     suspected: list[str] = []
     origin: Annotated[tuple[Angle, Angle, Length], Field(strict=False)] | None = None
+    temperature_rise: Annotated[float, _in("K")] | None = None
+    temperature_time: Annotated[Time, Field(gt=0)] = 300.0
     chunk_size: Annotated[int, Field(ge=1)] | None = None
     workers: Annotated[int, Field(ge=1)] | None = None
     stop: Literal["significant", "anytime"] | PrecisionSection | None = None
+
+    def temperature(self, time: np.ndarray) -> np.ndarray | None:
+        """That of an IMU that is switched on at the start and warms up to its own, of which nobody asks unless told.
+
+        It rises by so many kelvin, exponentially with this time.
+        """
+        if self.temperature_rise is None:
+            return None
+        return -self.temperature_rise * np.expm1(-(time - time[0]) / self.temperature_time)
 
     @property
     def has_two_levels(self) -> bool:

@@ -203,7 +203,8 @@ def run_reference(
         kind, imu, own, sd = given
         ends = timeline.ends[kind]
         noise, errors = inputs.errors.step(noise, ends, own)
-        state = mechanise(state, with_errors(imu[:, :, None], errors), timeline.dt[kind], ends, bank, timeline.earth, pull)
+        sensed = with_errors(imu[:, :, None], errors)
+        state = mechanise(state, sensed, timeline.dt[kind], ends, bank, timeline.earth, pull)
         kept = None if sd is None else _estimate(state, bank, sd, imu[0, :, None])
         return (state, status, noise, pull), kept
 

@@ -29,7 +29,7 @@ class SensorState(NamedTuple):
     """Does a filter hold it? The truth has states that no filter has, such as those of quantisation noise."""
 
     reads: int | None = None
-    """The channel of whose reading its effect is a multiple, or `TEMPERATURE`; None where that is the same at all times."""
+    """The channel of whose reading its effect is a multiple, or `TEMPERATURE`; None where it is always the same."""
 
     @property
     def is_of_imu(self) -> bool:

@@ -12,7 +12,7 @@ One more kind is a class here and a row of `DETERMINISTIC`.
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -49,6 +49,10 @@ class AbstractDeterministic(eqx.Module):
 
     label: ClassVar[str]
     """The first word of the labels of its states."""
+    units: ClassVar[Mapping[str, str]]
+    """Parameter -> SI unit of its standard deviations."""
+    effect: ClassVar[str]
+    """A sentence on what it does to navigation."""
 
     sd: Float[Array, " ch"]
     present: tuple[bool, ...] = eqx.field(static=True)
@@ -89,6 +93,11 @@ class ScaleFactor(AbstractDeterministic):
     """
 
     label: ClassVar[str] = "scale"
+    units: ClassVar[Mapping[str, str]] = {"accel_sd": "1", "gyro_sd": "1"}
+    effect: ClassVar[str] = (
+        "A scale factor is felt where the body turns and speeds up: a whole turn is off by that part of it, and a part "
+        "of gravity is taken for an acceleration."
+    )
 
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
         yield Constant(SensorState(channel, self.label, reads=channel), self.sd[channel])
@@ -106,6 +115,11 @@ class Misalignment(AbstractDeterministic):
     """
 
     label: ClassVar[str] = "misalignment"
+    units: ClassVar[Mapping[str, str]] = {"accel_sd": "rad", "gyro_sd": "rad"}
+    effect: ClassVar[str] = (
+        "Axes that are not orthogonal let a turn about one axis show on the others: a part of the heading of each "
+        "curve becomes roll and pitch."
+    )
 
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
         first = channel - channel % 3
@@ -138,6 +152,11 @@ class GSensitivity(AbstractDeterministic):
     """
 
     label: ClassVar[str] = "g-sensitivity"
+    units: ClassVar[Mapping[str, str]] = {"gyro_sd": "rad/s/(m/s^2)"}
+    effect: ClassVar[str] = (
+        "A gyro that feels forces drifts by gravity as by a bias, and more where the body speeds up: the bias of a "
+        "record at rest holds in one position only."
+    )
 
     def __init__(self, gyro_sd: Any):
         super().__init__(gyro_sd=gyro_sd)
@@ -172,6 +191,11 @@ class TemperatureBias(AbstractDeterministic):
     """
 
     label: ClassVar[str] = "temperature"
+    units: ClassVar[Mapping[str, str]] = {"accel_sd": "m/s^2/K", "gyro_sd": "rad/s/K"}
+    effect: ClassVar[str] = (
+        "A bias that goes with the temperature drifts while the sensor warms up, in all runs at the same time: no "
+        "random walk of the same size is as well known."
+    )
 
     def constants(self, channel: int) -> Iterator[Constant]:  # noqa: D102
         yield Constant(SensorState(channel, self.label, reads=TEMPERATURE), self.sd[channel])

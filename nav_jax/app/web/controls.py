@@ -10,7 +10,16 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 from pydantic import BeforeValidator
 from pydantic.fields import FieldInfo
 
-from nav_jax.app.sections import AIDING, MOTIONS, InitialSection, RunSection, Section, TrajectoryFile
+from nav_jax.app.sections import (
+    AIDING,
+    CALIBRATION,
+    MOTIONS,
+    GravitySection,
+    InitialSection,
+    RunSection,
+    Section,
+    TrajectoryFile,
+)
 from nav_jax.simulation.levels import TWO_LEVEL
 
 ROOM = "nav"
@@ -82,6 +91,16 @@ def aiding() -> tuple[Choice, ...]:
     return tuple(Choice(n, n.replace("_", " "), tuple(_of(section, n, ("type",)))) for n, section in AIDING.items())
 
 
+def calibration() -> tuple[Choice, ...]:
+    """List what a calibration leaves of the errors of an IMU, kind by kind."""
+    return tuple(Choice(n, n.replace("_", " "), tuple(_of(section, n, ()))) for n, section in CALIBRATION.items())
+
+
+def gravity() -> tuple[Control, ...]:
+    """List what is said of a disturbance of gravity."""
+    return tuple(_of(GravitySection, "gravity", ()))
+
+
 def start() -> tuple[Control, ...]:
     """List what is said of the start."""
     return tuple(_of(InitialSection, "start", ()))
@@ -108,15 +127,16 @@ OF_SCENARIO: Mapping[str, Any] = {
     "output_interval": computed,
     "neglected": computed,
     "suspected": computed,
+    "temperature": computed,
 }
 """Field of a `Scenario` -> its inputs."""
 
 
 def every() -> Iterator[Control]:
     """Run over all inputs that are made of sections."""
-    for choice in (*motions(), *aiding()):
+    for choice in (*motions(), *aiding(), *calibration()):
         yield from choice.controls
-    yield from (*start(), *computed(), *runs())
+    yield from (*gravity(), *start(), *computed(), *runs())
 
 
 def unit_of(field: FieldInfo) -> str:

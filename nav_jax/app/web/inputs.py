@@ -11,9 +11,21 @@ from gmwm_jax.app.web.limits import Limits
 from gmwm_jax.app.web.outputs import output_figure
 from nav_jax.app.web import controls
 from nav_jax.app.web.controls import Choice, Control
+from nav_jax.imu.deterministic import DETERMINISTIC
 
 _TRUTHS = {"sensor": "a known sensor", "fit": "the fit of the room Model & fit", "text": "the models written here"}
 _MODEL = "WN(sigma2=1e-6) + GM(beta=0.01, variance=1e-8)"
+
+_UNIT = (
+    "What a calibration leaves of a unit, as standard deviations, one for all axes or [x, y, z]: constants that are "
+    "drawn for every run, and states of the filter that believes the truth. Empty ones are not there. A bias by "
+    "temperature needs a temperature that changes: the sensor warms up by the temperature rise, under Steps and Earth."
+)
+
+_GRAVITY = (
+    "Accelerometers take a deflection of the vertical for an acceleration, which a filter cannot tell from a tilt; it "
+    "changes with the distance travelled, as the masses under the ground do, and not with time."
+)
 
 _STUDY = (
     "Fixes of receivers are withheld from the filter in outages all over the drive, in runs that are shifted against "
@@ -53,6 +65,11 @@ def make_ui(state: Any, limits: Limits) -> Tag:
             _text(state, "nav_own_accel", "Own filter, accelerometers", _MODEL),
             _text(state, "nav_own_gyro", "Own filter, gyros", _MODEL),
         ),
+        ui.p(_UNIT),
+        *(_folded(f"Truth: {k.title}", ui.p(DETERMINISTIC[k.name].effect), *_fields(state, k.controls))
+          for k in controls.calibration()),
+        _folded("Truth: gravity other than the Earth's", ui.p(_GRAVITY), *_fields(state, controls.gravity())),
+        ui.input_switch("nav_uncalibrated", "A filter that knows of none of these", state.nav_uncalibrated),
         ui.h2("Trajectory"),
         ui.navset_pill(
             *(ui.nav_panel(m.title, *_file(m), _grid(_fields(state, m.controls)), value=m.name)

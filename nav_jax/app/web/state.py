@@ -20,6 +20,7 @@ class Chosen(State):
     nav_gyro_bias: str = Field("", max_length=100, title="Turn-on bias of the gyros")
     nav_right: bool = True
     nav_page: bool = True
+    nav_uncalibrated: bool = True
     nav_structures: str = Field("WN", max_length=300, title="Other models, fitted to the same variances")
     nav_own_accel: str = Field("", max_length=300, title="A filter of your own, accelerometers")
     nav_own_gyro: str = Field("", max_length=300, title="A filter of your own, gyros")

@@ -42,6 +42,11 @@ NAMED: Mapping[str, Mapping[str, Any]] = {
         "nav_start_position_sd": "1", "nav_start_velocity_sd": "0.1", "nav_start_attitude_sd": "[0.02, 0.02, 0.05]",
     },
     "a constant bias": {"nav_accel_bias": "0.02", "nav_gyro_bias": "1e-4"},
+    "scale factors": {"nav_scale_factor_accel_sd": "2000 ppm", "nav_scale_factor_gyro_sd": "2000 ppm"},
+    "axes not orthogonal": {"nav_misalignment_accel_sd": "2 mrad", "nav_misalignment_gyro_sd": "2 mrad"},
+    "gravity anomalies": {
+        "nav_gravity_deflection": "8 arcsec", "nav_gravity_anomaly": "40 mGal", "nav_gravity_distance": "20 km",
+    },
 }  # fmt: skip
 """What the example names as left out, and the inputs that switch it on."""
 
@@ -82,7 +87,7 @@ def left_out() -> Sequence[str | Table]:
     --------
     >>> from nav_jax.app.web.steps import left_out
     >>> [row[0] for row in left_out()[0].rows]
-    ['as above', 'initial errors', 'a constant bias']
+    ['as above', 'initial errors', 'a constant bias', 'scale factors', 'axes not orthogonal', 'gravity anomalies']
     """
     rows = []
     for name, inputs in NAMED.items():
@@ -112,9 +117,10 @@ STEPS = (
     ),
     Step(
         "What the example leaves out",
-        "Initial errors and a constant bias are inputs here. Scale factors and axes that are not orthogonal are "
-        "errors of an IMU in Python (ImuErrors, deterministic), a disturbance of gravity too (ImuErrors, gravity).",
-        {"room": ROOM, **EMULATED, **NAMED["initial errors"], **NAMED["a constant bias"]},
+        "Initial errors, a constant bias, scale factors, axes that are not orthogonal and gravity that is not the "
+        "Earth's alone are inputs here, each with a sentence on what it does. The table has the filter that knows of "
+        "it; in the room, one that does not stands beside it.",
+        {"room": ROOM, **EMULATED, **{name: value for inputs in NAMED.values() for name, value in inputs.items()}},
         left_out,
     ),
 )

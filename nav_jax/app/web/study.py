@@ -15,8 +15,9 @@ from nav_jax.app.web import controls
 from nav_jax.app.web.controls import Choice, Control
 from nav_jax.imu.errors import ImuErrors, sensor_errors
 
-RIGHT, OWN, PAGE = "right", "own", "fitted"
-"""Names of filters: what believes the truth, the text of one's own, and the model of the page."""
+RIGHT, UNCALIBRATED, OWN, PAGE = "right", "uncalibrated", "own", "fitted"
+"""Names of filters: what believes the truth, what believes all of it but what a calibration leaves and a disturbance of
+gravity, the text of one's own, and the model of the page."""
 
 
 class Followed(NamedTuple):
@@ -90,7 +91,7 @@ def tables_of(
     sensors = [_chosen(controls.aiding(), name, "Aiding") for name in state.nav_aiding.split(",") if name]
     tables = {
         "trajectory": _trajectory(state, motion, followed),
-        "truth": _truth(state, models) | _biases(state),
+        "truth": _truth(state, models) | _biases(state) | _of_unit(state),
         "filters": _filters(state, models, caps),
         "aiding": [{"type": s.name, **_given(state, s.controls)} for s in sensors],
         "initial": _given(state, controls.start()),
@@ -170,8 +171,18 @@ def _biases(state: Any) -> dict[str, Any]:
     return {key: value_of(text) for key, text in texts.items() if text}
 
 
+def _of_unit(state: Any) -> dict[str, Any]:
+    """What a calibration leaves, and gravity; of kinds of which nothing is said there is none."""
+    kinds = {kind.name: _given(state, kind.controls) for kind in controls.calibration()}
+    found = {"calibration": {name: given for name, given in kinds.items() if given}}
+    found["gravity"] = _given(state, controls.gravity())
+    return {name: given for name, given in found.items() if given}
+
+
 def _filters(state: Any, models: Mapping[str, ImuErrors], caps: Caps) -> dict[str, Any]:
     made: dict[str, Any] = {RIGHT: TRUTH} if state.nav_right else {}
+    if state.nav_uncalibrated and _of_unit(state):
+        made[UNCALIBRATED] = _truth(state, models) | _biases(state)
     rate = _rate(state, models)
     for name, errors in models.items():
         if name != PAGE or (state.nav_page and state.nav_truth != "fit"):

@@ -160,7 +160,7 @@ def test_it_runs_what_it_says(write, monkeypatch):
         assert named.pop("key") == jax.random.key(seed)
         assert named == {
             "num_runs": num_runs, "progress": progress, "gains": "estimate", "chunk_size": None, "workers": None,
-            "stop": None,
+            "stop": None, "temperature_rise": None, "temperature_time": 300.0,
         }  # fmt: skip
 
 
