@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import jax
 import numpy as np
@@ -358,12 +358,22 @@ def checked(section: type[Any], table: Any, where: str) -> Any:
 def _sentence(section: type[BaseModel], error: Any, where: str) -> str:
     key = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
-        return f"{where}: there is no key {key!r}; the keys are {', '.join(section.model_fields)}."
+        keys = _section_of(section, error["loc"][:-1]).model_fields
+        return f"{where}: there is no key {key!r}; the keys are {', '.join(keys)}."
     if error["type"] == "missing":
         return f"{where}: the key {key!r} is missing."
     if error["type"] == "value_error":
         return f"{where}, {key}: {str(error['ctx']['error']).rstrip('.')}."
     return f"{where}, {key}: {error['msg']}, and it is {error['input']!r}."
+
+
+def _section_of(section: type[BaseModel], path: Sequence[Any]) -> type[BaseModel]:
+    """The section inside this one to which a path leads; the last on the way, if it leads to no section."""
+    for key in path:
+        field = section.model_fields.get(key)
+        inner = [] if field is None else [field.annotation, *get_args(field.annotation)]
+        section = next((a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)), section)
+    return section
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from gmwm_jax.units import STANDARD_GRAVITY, convert, names
 from nav_jax.aiding.base import AbstractAiding, Setting
@@ -108,8 +108,9 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
     def given(self, *left_out: str) -> dict[str, Any]:
-        """What the file states, and nothing of what it leaves to the defaults of the library."""
-        return {k: getattr(self, k) for k in self.model_fields_set if k not in left_out}
+        """What the file states, in the order of the keys, and nothing of what it leaves to the library's defaults."""
+        stated = self.model_fields_set.difference(left_out)
+        return {k: getattr(self, k) for k in type(self).model_fields if k in stated}
 
 
 # -- [trajectory] -----------------------------------------------------------------------------------------------------
@@ -198,34 +199,28 @@ def _calibration_section(kind: type[AbstractDeterministic]) -> type[Section]:
 CALIBRATION: dict[str, type[Section]] = {name: _calibration_section(kind) for name, kind in DETERMINISTIC.items()}
 """Kind of an error that is no noise -> its section."""
 
+_OPTIONAL: dict[str, Any] = {name: (section | None, None) for name, section in CALIBRATION.items()}
 
-def _calibration(tables: Any) -> list[AbstractDeterministic]:
-    """The errors of a table of such sections."""
-    if not isinstance(tables, dict) or not set(tables) <= set(CALIBRATION):
-        raise ValueError(f"expected a table with some of {', '.join(CALIBRATION)}, and this is {tables!r}")
-    found = []
-    for name, table in tables.items():
-        try:
-            found.append(DETERMINISTIC[name](**CALIBRATION[name].model_validate(table).given()))
-        except ValidationError as error:
-            wrong = error.errors()[0]
-            why = wrong["ctx"]["error"] if wrong["type"] == "value_error" else wrong["msg"]
-            keys = ", ".join(CALIBRATION[name].model_fields)
-            where = ".".join(map(str, wrong["loc"])) or "it"
-            raise ValueError(f"{name}: {where}: {why}; it is a table with the keys {keys}") from error
-    return found
+
+class CalibrationSection(create_model("Calibration", __base__=Section, **_OPTIONAL)):
+    """``calibration = {...}``: a table for each kind of `nav_jax.imu.DETERMINISTIC` that there is."""
+
+    def build(self) -> list[AbstractDeterministic]:
+        """The errors that are no noise."""
+        return [DETERMINISTIC[name](**section.given()) for name, section in self.given().items()]
 
 
 class _Errors(Section):
     start: Literal["stationary", "zero"] = "stationary"
     accel_bias_sd: Annotated[PerAxis, _axes_in("m/s^2")] = 0.0
     gyro_bias_sd: Annotated[PerAxis, _axes_in("rad/s")] = 0.0
-    calibration: Annotated[list[Any], BeforeValidator(_calibration)] = []
+    calibration: CalibrationSection | None = None
     gravity: GravitySection | None = None
 
     def given(self, *left_out: str) -> dict[str, Any]:
-        stated = super().given("calibration", *left_out)
-        stated |= {"deterministic": self.calibration} if self.calibration else {}
+        stated = super().given("calibration", "gravity", *left_out)
+        if self.calibration is not None:
+            stated["deterministic"] = self.calibration.build()
         return stated if self.gravity is None else stated | {"gravity": self.gravity.build()}
 
 

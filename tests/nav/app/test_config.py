@@ -1,7 +1,9 @@
 """Configurations: every section becomes what it says, units are converted, and errors say their place."""
 
 import json
+import re
 import tomllib
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -13,7 +15,8 @@ import gmwm_jax
 from nav_jax.aiding.barometer import Barometer
 from nav_jax.aiding.gnss import GnssPosition, GnssVelocity
 from nav_jax.app.comparison_file import read_config
-from nav_jax.app.sections import MOTIONS, quantity
+from nav_jax.app.reports import keys_of
+from nav_jax.app.sections import MOTIONS, ModelErrors, quantity
 from nav_jax.imu.datasheets import devices
 from nav_jax.imu.errors import ImuErrors, RecordedErrors
 from nav_jax.simulation.comparison import Comparison
@@ -125,7 +128,7 @@ def test_every_section_becomes_what_it_says(write):
     assert config.run.model_dump() == {
         "num_runs": 3, "seed": 7, "gains": "estimate", "every": 5, "output_interval": 1.0, "earth": "flat",
         "gravity": 9.8056, "origin": None, "chunk_size": None, "workers": None, "neglected": [], "suspected": [],
-        "stop": None,
+        "stop": None, "temperature_rise": None, "temperature_time": 300.0,
     }  # fmt: skip
     assert config.output.model_dump() == {"folder": None, "plot": True, "save": None}
 
@@ -160,7 +163,7 @@ def test_it_runs_what_it_says(write, monkeypatch):
         assert named.pop("key") == jax.random.key(seed)
         assert named == {
             "num_runs": num_runs, "progress": progress, "gains": "estimate", "chunk_size": None, "workers": None,
-            "stop": None, "temperature_rise": None, "temperature_time": 300.0,
+            "stop": None,
         }  # fmt: skip
 
 
@@ -416,6 +419,61 @@ def test_files_that_are_not_there(write, tmp_path):
 def test_the_text_here_is_complete():
     """Every section is in it."""
     assert set(tomllib.loads(TEXT)) == {"trajectory", "truth", "filters", "aiding", "initial", "run"}
+
+
+CALIBRATED = """
+[truth.calibration]
+scale_factor = { accel_sd = "300 ppm", gyro_sd = ["0.1 %", 0, 1e-3] }
+misalignment = { gyro_sd = "1 mrad" }
+g_sensitivity = { gyro_sd = "10 deg/h/g" }
+temperature_bias = { accel_sd = "0.1 mg/K" }
+
+[filters.all]
+accel = "WN(sigma2=6e-5)"
+gyro = "WN(sigma2=1.5e-6)"
+rate = 50
+calibration = { scale_factor = { accel_sd = 3e-4 } }
+"""
+
+
+def test_what_a_calibration_leaves(write):
+    """Each kind in its customary units, beside models; and the sensor warms up where the run says so."""
+    rise = 'gravity = 9.8056\ntemperature_rise = "20 K"\ntemperature_time = "2 min"'
+    config = read_config(write(TEXT + CALIBRATED, by={"gravity = 9.8056": rise}))
+    scale, bent, g, warm = config.truth.deterministic
+    np.testing.assert_allclose(scale.sd, [3e-4] * 3 + [1e-3, 0, 1e-3], rtol=1e-14)
+    np.testing.assert_allclose(bent.sd, [0, 0, 0, 1e-3, 1e-3, 1e-3], rtol=1e-14)
+    np.testing.assert_allclose(g.sd, [0, 0, 0] + [np.deg2rad(10 / 3600) / 9.80665] * 3, rtol=1e-14)
+    np.testing.assert_allclose(warm.sd, [9.80665e-4] * 3 + [0, 0, 0], rtol=1e-14)
+    assert [type(d).__name__ for d in config.filters["all"].deterministic] == ["ScaleFactor"]
+    assert config.filters["WN only"].deterministic == ()
+    time = config.scenario.reference.time
+    np.testing.assert_allclose(config.scenario.temperature, 20 * (1 - np.exp(-time / 120)), rtol=1e-12, atol=1e-12)
+
+
+def test_errors_are_read_as_they_are_written(write):
+    """`keys_of` is what a page puts into the file; what has no key is lost there, and must not be."""
+    field = 'gravity = { deflection = "6 arcsec", anomaly = "30 mGal", distance = ["20 km", 3e4, "30 km"] }'
+    truth = read_config(write(TEXT + CALIBRATED, by={'start = "zero"': f'start = "zero"\n{field}'})).truth
+    again = ModelErrors.model_validate(keys_of(truth)).build(Path())
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-14), again, truth)
+    assert str(again.states) == str(truth.states)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{ scale = { gyro_sd = 1 } }', "[truth]: there is no key 'calibration.scale'; the keys are scale_factor,"),
+        ('{ g_sensitivity = { accel_sd = 1 } }', "no key 'calibration.g_sensitivity.accel_sd'; the keys are gyro_sd."),
+        ('{ misalignment = { gyro_sd = "1 m" } }', "[truth], calibration.misalignment.gyro_sd: '1 m' has a unit that"),
+        ('{ misalignment = 1 }', "[truth], calibration.misalignment: "),
+        ('{ scale_factor = { gyro_sd = -1 } }', "[truth]: ScaleFactor: gyro_sd"),
+        ('{ scale_factor = { gyro_sd = [1, 2] } }', "[truth]: ScaleFactor: gyro_sd is one number or three"),
+    ],
+)  # fmt: skip
+def test_a_calibration_that_is_none(write, text, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        read_config(write(by={'start = "zero"': f'start = "zero"\ncalibration = {text}'}))
 
 
 def test_gravity_beside_the_model_in_its_customary_units(write):

@@ -17,9 +17,10 @@ from nav_jax.app.web.inputs import make_ui
 from nav_jax.app.web.models import errors_of, fits_of
 from nav_jax.app.web.room import ROOM
 from nav_jax.app.web.state import NavigationState
-from nav_jax.app.web.study import OWN, PAGE, RIGHT, config_of_text, tables_of, toml_of
+from nav_jax.app.web.study import OWN, PAGE, RIGHT, UNCALIBRATED, config_of_text, tables_of, toml_of
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.channels import CHANNELS
+from nav_jax.imu.deterministic import DETERMINISTIC
 from nav_jax.imu.errors import ImuErrors, sensor_errors
 from nav_jax.trajectory.files import save_trajectory, to_geodetic
 
@@ -42,6 +43,7 @@ def test_each_field_of_a_scenario_has_inputs():
     assert set(controls.OF_SCENARIO) == {field.name for field in dataclasses.fields(Scenario)}
     assert {c.name for c in controls.motions()} == {*MOTIONS, controls.FILE}
     assert {c.name for c in controls.aiding()} == set(AIDING)
+    assert {c.name for c in controls.calibration()} == set(DETERMINISTIC)
     names = [c.name for c in controls.every()]
     assert len(names) == len(set(names))
     assert set(names) < set(NavigationState.model_fields)
@@ -85,6 +87,34 @@ def test_the_earth_is_chosen():
     np.testing.assert_allclose(found.scenario.earth.origin, [*np.deg2rad([46.0, 6.0]), 500.0])
     with pytest.raises(ValueError, match="where positions are zero"):
         config(NavigationState.from_query(dict(TEXT, nav_run_earth="wgs84")))
+
+
+UNIT = {
+    "nav_scale_factor_gyro_sd": "1000 ppm", "nav_misalignment_accel_sd": "[1e-3, 0, 0]",
+    "nav_g_sensitivity_gyro_sd": "1 deg/h/g", "nav_temperature_bias_gyro_sd": "1 deg/h/K",
+    "nav_run_temperature_rise": "20", "nav_gravity_anomaly": "30 mGal", "nav_gravity_distance": "20 km",
+}  # fmt: skip
+
+
+def test_what_a_calibration_leaves_is_switched_on():
+    """The right filter knows of it, the one beside it does not; what is empty is not there."""
+    found = config(NavigationState.from_query(TEXT | UNIT))
+    assert isinstance(found.truth, ImuErrors)
+    assert [type(d) for d in found.truth.deterministic] == list(DETERMINISTIC.values())
+    assert found.truth.gravity is not None
+    assert found.filters[RIGHT] is found.truth
+    without = found.filters[UNCALIBRATED]
+    assert (without.deterministic, without.gravity) == ((), None)
+    assert repr(without.models) == repr(found.truth.linear.models)
+    assert found.scenario.temperature[-1] == pytest.approx(20 * (1 - np.exp(-1)))  # 300 s, as its time constant
+    alone = config(NavigationState.from_query(TEXT | UNIT | {"nav_uncalibrated": False}))
+    assert list(alone.filters) == [RIGHT]
+    assert list(config(NavigationState.from_query(TEXT)).filters) == [RIGHT]
+
+
+def test_each_switch_says_what_it_does():
+    shown = str(make_ui(NavigationState(), Limits()))
+    assert all(kind.effect in shown for kind in DETERMINISTIC.values())
 
 
 def test_a_trajectory_that_is_sent_is_followed(tmp_path):
