@@ -10,6 +10,7 @@ duration = "5 min"
 [truth]
 sensor = "mti-g" # or fit = "fit.json", recording = "static.npz", or accel, gyro and rate as below
 # gravity = { deflection = "6 arcsec", anomaly = "30 mGal", distance = "30 km" }, where it is not the Earth's alone
+# calibration = { scale_factor = { gyro_sd = "300 ppm" } }, or misalignment, g_sensitivity, temperature_bias
 
 [filters]
 right = "truth"
@@ -30,6 +31,7 @@ num_runs = 200
 gains = "estimate" # a covariance a run; "reference": one for all, several times faster; "two-level": means by both
 earth = "wgs84" # the ellipsoid that turns, in place of a flat Earth of some gravity = "9.81 m/s^2"
 origin = ["46.5 deg", "6.6 deg", "500 m"] # unless the file of the trajectory has geodetic positions
+# temperature_rise = "20 K", of a sensor that warms up in a temperature_time = "5 min", for biases by temperature
 ```
 
 ```sh

@@ -61,6 +61,16 @@ def test_the_analysis_comes_at_once_and_runs_by_a_button(open_page):
     assert page.locator("#nav_analysed table").count() == 0
 
 
+def test_what_the_unit_leaves_is_switched_on_with_a_filter_beside_that_does_not_know(open_page):
+    page = opened(open_page)
+    page.locator("summary", has_text="Truth: scale factor").click()
+    enter(page, "nav_scale_factor_gyro_sd", "1 %")
+    page.locator("#nav_analysed", has_text="uncalibrated").wait_for()
+    assert "nav_scale_factor_gyro_sd=1+%25" in page.url
+    page.locator("#nav_uncalibrated").click()
+    page.locator("#nav_analysed", has_not_text="uncalibrated").locator("table").wait_for()
+
+
 def test_runs_that_are_cancelled_are_kept_and_said_to_be_fewer(open_page):
     page = opened(open_page, nav_run_num_runs=2000)
     page.locator("#nav_run").click()

@@ -66,9 +66,9 @@ def make_ui(state: Any, limits: Limits) -> Tag:
             _text(state, "nav_own_gyro", "Own filter, gyros", _MODEL),
         ),
         ui.p(_UNIT),
-        *(_folded(f"Truth: {k.title}", ui.p(DETERMINISTIC[k.name].effect), *_fields(state, k.controls))
+        *(_folded(f"Truth: {k.title}", *_fields(state, k.controls), says=DETERMINISTIC[k.name].effect)
           for k in controls.calibration()),
-        _folded("Truth: gravity other than the Earth's", ui.p(_GRAVITY), *_fields(state, controls.gravity())),
+        _folded("Truth: gravity other than the Earth's", *_fields(state, controls.gravity()), says=_GRAVITY),
         ui.input_switch("nav_uncalibrated", "A filter that knows of none of these", state.nav_uncalibrated),
         ui.h2("Trajectory"),
         ui.navset_pill(
@@ -172,5 +172,6 @@ def _grid(fields: Iterable[Tag]) -> Tag:
     return ui.div(*fields, class_="gmwm-controls")
 
 
-def _folded(title: str, *fields: Tag) -> Tag:
-    return ui.tags.details(ui.tags.summary(title), _grid(fields), class_="gmwm-folded")
+def _folded(title: str, *fields: Tag, says: str = "") -> Tag:
+    above = [ui.p(says)] if says else []
+    return ui.tags.details(ui.tags.summary(title), *above, _grid(fields), class_="gmwm-folded")
