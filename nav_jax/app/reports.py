@@ -9,20 +9,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 import tomli_w
 from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
-from gmwm_jax._internal.text_table import format_table
 from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.filter.layout import JUDGED, QUANTITIES
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.deterministic import DETERMINISTIC
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import NoiseModel
-from nav_jax.kinematics import rotation
 from nav_jax.lincov.analysis import Analysis, Covariances
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.derivatives import Sensitivities
@@ -267,38 +264,7 @@ def inspection_report(inspection: Inspection) -> Report:
 
 def alignment_report(start: StartAtRest | StartOnTheMove) -> Report:
     """The attitude at a start, and the rest of it."""
-    angles = np.rad2deg(rotation.euler_from_quat(jnp.asarray(start.quaternion)))
-    # an error vector in n is one of roll, pitch and yaw by the rates that turn about them
-    pitch, yaw = np.deg2rad(angles[1:])
-    axes = np.array([[np.cos(yaw) * np.cos(pitch), -np.sin(yaw), 0.0], [np.sin(yaw) * np.cos(pitch), np.cos(yaw), 0.0],
-                     [-np.sin(pitch), 0.0, 1.0]])  # fmt: skip
-    C = np.asarray(start.initial.covariance)
-    by = np.linalg.inv(axes)
-    sd = np.rad2deg(np.sqrt(np.diag(by @ C[6:, 6:] @ by.T)))
-    found = {"position": (start.position, C[:3, :3]), "velocity": (start.velocity, C[3:6, 3:6])}
-    rows = [
-        [name, "deg", f"{x:.4f}", f"{s:.2g}"] for name, x, s in zip(("roll", "pitch", "yaw"), angles, sd, strict=True)
-    ]
-    rows += [
-        [f"{name} {axis}", unit, f"{x:.4f}", f"{np.sqrt(v):.2g}"]
-        for (name, (values, P)), unit in zip(found.items(), ("m", "m/s"), strict=True)
-        for axis, x, v in zip("NED", values, np.diag(P), strict=True)
-    ]
-    content = {
-        "time": start.time,
-        "euler_deg": dict(zip(("roll", "pitch", "yaw"), angles.tolist(), strict=True)),
-        "euler_sd_deg": dict(zip(("roll", "pitch", "yaw"), sd.tolist(), strict=True)),
-        "position": start.position.tolist(),
-        "velocity": start.velocity.tolist(),
-        "quaternion": start.quaternion.tolist(),
-        "covariance": C.tolist(),
-        "gyro_bias": start.gyro_bias.tolist(),
-    }
-    text = [f"Start at {start.time:.10g} s", format_table(["", "unit", "value", "sd"], rows, left=2)]
-    if isinstance(start, StartOnTheMove):
-        content |= {"accel_bias": start.accel_bias.tolist(), "misfit": start.misfit}
-        text.append(f"mean normalised square of what the fit leaves: {start.misfit:.3g}")
-    return Report("alignment", "\n".join(text), content, {})
+    return Report("alignment", repr(start), start.to_dict(), {})
 
 
 def navigation_report(name: str, navigation: Navigation, notes: Sequence[str]) -> Report:

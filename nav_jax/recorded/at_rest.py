@@ -16,6 +16,7 @@ from nav_jax.kinematics import rotation
 from nav_jax.kinematics.earth import AbstractEarth, FlatEarth
 from nav_jax.recorded.alignment import Start
 from nav_jax.recorded.plausibility import ImplausibleRecordWarning
+from nav_jax.recorded.start_summary import start_dict, start_table
 
 _OFF = 0.05
 """Share of gravity by which the mean specific force may differ from it: biases of 50 mg are those of no IMU at rest."""
@@ -41,6 +42,13 @@ class StartAtRest(Start):
 
     gyro_bias: Float64[np.ndarray, "3"]
     initial: InitialUncertainty
+
+    def __repr__(self) -> str:
+        return start_table(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As numbers of JSON, with angles in deg too."""
+        return start_dict(self)
 
 
 def align_at_rest(

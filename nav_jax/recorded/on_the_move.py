@@ -28,6 +28,7 @@ from nav_jax.recorded import _window
 from nav_jax.recorded._attitude_fit import Belief, Window, fitted
 from nav_jax.recorded.alignment import Start
 from nav_jax.recorded.gnss.record import GnssRecord
+from nav_jax.recorded.start_summary import start_dict, start_table
 
 _FEWEST = 6
 """Fixes: velocities have three unknown at the beginning, attitude and biases nine, and something must be left over."""
@@ -57,6 +58,13 @@ class StartOnTheMove(Start):
     gyro_bias: Float64[np.ndarray, "3"]
     initial: InitialUncertainty
     misfit: float
+
+    def __repr__(self) -> str:
+        return f"{start_table(self)}\nmean normalised square of what the fit leaves: {self.misfit:.3g}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As numbers of JSON, with angles in deg too."""
+        return start_dict(self) | {"accel_bias": self.accel_bias.tolist(), "misfit": self.misfit}
 
 
 def align_on_the_move(
