@@ -22,6 +22,7 @@ from gmwm_jax.processes.registry import PROCESSES
 from gmwm_jax.recordings import datasets
 from nav_jax.app.cli import app as nav_app
 from nav_jax.app.comparison_file import read_config
+from nav_jax.trajectory.files import to_geodetic
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -60,10 +61,33 @@ def run(sources, name, namespace):
     return namespace
 
 
+def write_drive(folder):
+    """Two minutes along a lemniscate on WGS-84: the IMU has white noise and biases, the receiver errors of 5 cm."""
+    earth, rng = nav_jax.Wgs84((np.deg2rad(46.5), np.deg2rad(6.6), 400.0)), np.random.default_rng(5)
+    exact, truth = nav_jax.perfect_imu(nav_jax.motions.lemniscate(duration=120.0, rate=50.0), earth=earth)
+    errors = rng.normal(size=(len(exact), 6)) * np.repeat([2e-3, 0.015], 3) + np.repeat([0.003, 0.1], 3)
+    samples = np.column_stack(
+        [exact.time, np.rad2deg(exact.gyro + errors[:, :3]), (exact.accel + errors[:, 3:]) / 9.80665]
+    )
+    names = "time,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    np.savetxt(folder / "imu.csv", samples, "%.9f", delimiter=",", header=names, comments="")
+    second = slice(50, None, 50)
+    there = to_geodetic(truth, np.asarray(earth.origin))[second] + 0.05 * rng.normal(size=(120, 3)) / [
+        6.4e6,
+        4.4e6,
+        1.0,
+    ]
+    speed = truth.velocity[second] + 0.05 * rng.normal(size=(120, 3))
+    fixes = np.column_stack([truth.time[second], np.rad2deg(there[:, :2]), there[:, 2], speed])
+    names = "time,lat_deg,lon_deg,height,vn,ve,vd"
+    np.savetxt(folder / "fixes.csv", fixes, "%.10f", delimiter=",", header=names, comments="")
+
+
 def test_python(folder):
     """All blocks in order, in one namespace; the figures that are shown are those that it makes."""
     python = blocks("python")
-    assert len(python) == 2
+    assert len(python) == 3
+    write_drive(folder)
     namespace = run(python, "README.md", {})
     assert namespace["rec"].channels == ("gyro_x", "accel_x")
     for made, shown in (("accel_x.png", "fit.png"), ("comparison.png", "comparison.png")):
@@ -71,6 +95,9 @@ def test_python(folder):
         new, stored = (matplotlib.image.imread(path)[:, :, :3] for path in (folder / made, ROOT / "notebooks" / shown))
         assert new.shape == stored.shape
         assert np.mean(np.abs(new - stored)) < 0.05, "make it again by the code of the README"
+    # biases that were added are found: 0.1 m/s^2 on the vertical axis, which gravity tells, and 3 mrad/s of roll and pitch
+    assert namespace["start"].accel_bias[2] == pytest.approx(0.1, abs=0.01)
+    np.testing.assert_allclose(namespace["start"].gyro_bias[:2], 0.003, atol=1e-3)
 
 
 def test_there_are_tours():
