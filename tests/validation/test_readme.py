@@ -95,7 +95,7 @@ def test_python(folder):
         new, stored = (matplotlib.image.imread(path)[:, :, :3] for path in (folder / made, ROOT / "notebooks" / shown))
         assert new.shape == stored.shape
         assert np.mean(np.abs(new - stored)) < 0.05, "make it again by the code of the README"
-    # biases that were added are found: 0.1 m/s^2 on the vertical axis, which gravity tells, and 3 mrad/s of roll and pitch
+    # biases that were added are found: 0.1 m/s^2 on the vertical axis, and 3 mrad/s of roll and pitch
     assert namespace["start"].accel_bias[2] == pytest.approx(0.1, abs=0.01)
     np.testing.assert_allclose(namespace["start"].gyro_bias[:2], 0.003, atol=1e-3)
 
