@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import nav_jax as nj
+from nav_jax.aiding.states import group_names
 
 RATE = 40.0
 DURATION = 4.0
@@ -147,12 +148,12 @@ def study(seed) -> Study:
         if stands
         else nj.motions.racetrack(DURATION, RATE, speed=6.0, straight=1.0, turn=2.0, ramp=0.5)
     )
-    sensors = _receivers(c)
+    sensors: list[Any] = _receivers(c)
     for one in (_barometer, _odometer, _axle, _compass, _pair):
         if c.often(0.4) and not (stands and one in (_odometer, _axle)):
             sensors.append(one(c))
     sensors += _stops(c) if stands else []
-    groups = list(nj.aiding.states.group_names(sensors))
+    groups = list(group_names(sensors))
     neglected = [g for g in groups if c.often(0.15)]
     suspected = [g for g in groups if g not in neglected and c.often(0.15)]
     warm = c.often()
