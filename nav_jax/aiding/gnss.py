@@ -142,7 +142,7 @@ class AbstractReceiver(AbstractAiding):
 
         def antenna(t: Array) -> Array:
             there = track.at(t)
-            return there.p if arm is None else there.p + rotate(there.q, jnp.broadcast_to(arm, there.p.shape))
+            return there.p if arm is None else there.p + rotate(there.q, arm)
 
         seen = [antenna(now)] if "position" in self.parts else []
         if "velocity" in self.parts:
@@ -152,7 +152,7 @@ class AbstractReceiver(AbstractAiding):
             elif arm is None:
                 seen.append(there.v)
             else:
-                seen.append(there.v + rotate(there.q, cross(there.rate, jnp.broadcast_to(arm, there.rate.shape))))
+                seen.append(there.v + rotate(there.q, cross(there.rate, arm)))
         return jnp.concatenate(seen) + drift
 
     def _own(self, x: Float[Array, "a *R"]) -> tuple[Array | None, Array | None, Array | float]:

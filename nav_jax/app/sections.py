@@ -286,6 +286,7 @@ class DeviceErrors(Section):
     rate: Frequency | None = None
     effects: list[Literal["range", "LSB", "bandwidth"]] = []
     temperature_sd: float = 0.0
+    thermometer: bool = False
     longest: Time | None = None
 
     def build(self, folder: Path) -> ImuErrors:  # noqa: D102

@@ -121,9 +121,12 @@ class Scenario:
         start = "a start that is known" if not sd.any() else "an uncertain start"
         steps = "every sample" if self.every == 1 else f"every {self.every} samples"
         listed = ", ".join(f"{s.name} {s.rate:g} Hz{_outages(s)}" for s in self.aiding)
+        warmth = ""
+        if self.temperature is not None:
+            warmth = f"; an IMU of {self.temperature.min():g} to {self.temperature.max():g} K or deg C"
         return (
             f"Scenario: {ref.name or 'a trajectory'} of {ref.duration:g} s from {start}; covariance {steps}, results "
-            f"every {self.output_interval:g} s\naiding: {listed or 'none'}; {self.earth!r}"
+            f"every {self.output_interval:g} s\naiding: {listed or 'none'}; {self.earth!r}{warmth}"
         )
 
 

@@ -113,6 +113,9 @@ class Imu:
             for name, unit, data in (("gyro", "rad/s", self.gyro), ("accel", "m/s^2", self.accel))
             for axis, x in zip("xyz", data.T, strict=True)
         ]
+        if self.temperature is not None:
+            T = self.temperature
+            rows.append(["temperature", "K, deg C", *(f"{v:.5g}" for v in (T.mean(), T.std(), T.min(), T.max()))])
         title = f"Imu: {len(self)} samples at {self.rate:g} Hz, {self.duration:g} s from {self.time[0]:g} s"
         return f"{title}\n{format_table(['', 'unit', 'mean', 'std', 'least', 'most'], rows, left=2)}"
 

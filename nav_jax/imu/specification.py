@@ -6,7 +6,8 @@
 | B with f0, or the lowest Allan deviation 0.664 B | Gauss-Markov ladder, two a decade | one a decade, or one process |
 | K | random walk | the same |
 | Q | quantisation noise | left out, and said |
-| turn-on bias; bias by temperature times a change of it | constant, drawn for every run | a state |
+| turn-on bias; bias by temperature times a difference that stays | constant, drawn for every run | a state |
+| bias by temperature, where a thermometer says how that goes | constant, drawn for every run | a state |
 | scale factor (by temperature too), misalignment, g-sensitivity | constants, likewise | states |
 | range, LSB, bandwidth | where asked, see `nav_jax.imu.output` | the rounding as white noise, where asked |
 | nonlinearity | none: no datasheet states its form | none |
@@ -32,7 +33,7 @@ from gmwm_jax._internal.states import register
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import flicker_ladder
-from nav_jax.imu.deterministic import GSensitivity, Misalignment, ScaleFactor
+from nav_jax.imu.deterministic import GSensitivity, Misalignment, ScaleFactor, TemperatureBias
 from nav_jax.imu.entries import ENTRIES, SIGMAS, Quantity, deviation, quantity_of, read_entry
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.output import Output
@@ -213,6 +214,7 @@ class ImuSpecification(Saved):
         *,
         effects: Iterable[str] = (),
         temperature_sd: Real = 0.0,
+        thermometer: bool = False,
         longest: Real = LONGEST,
     ) -> ImuErrors:
         """Return what is emulated of such a sensor.
@@ -225,15 +227,19 @@ class ImuSpecification(Saved):
             Of ``range``, ``LSB`` and ``bandwidth`` those that are emulated; each must be stated. Increments are rounded
             as such, see `nav_jax.imu.Output`.
         temperature_sd
-            Standard deviation in K of the difference from the temperature of the calibration, constant in a run: with
-            the temperature coefficients it adds to turn-on biases and scale factors.
+            Standard deviation in K of the difference from the temperature of the calibration, at the start of a run:
+            with the temperature coefficients it adds to turn-on biases and scale factors.
+        thermometer
+            The scenario states how the temperature goes from there, or a record does: biases by temperature are a
+            `nav_jax.imu.TemperatureBias` too.
         longest
             Longest period in s that flicker noise has. Slower parts are as good as a turn-on bias.
 
         Raises
         ------
         ValueError
-            No N, no rate, an effect that is open or has no effect at this rate.
+            No N, no rate, an effect that is open or has no effect at this rate; a thermometer, and no bias by
+            temperature.
 
         Examples
         --------
@@ -241,7 +247,9 @@ class ImuSpecification(Saved):
         >>> bool(np.isclose(truth.output.step[3], np.radians(0.05)))
         True
         """
-        return self._errors(rate, effects, temperature_sd, longest, per_decade=2, correlation_time=None)
+        return self._errors(
+            rate, effects, temperature_sd, longest, thermometer=thermometer, per_decade=2, correlation_time=None
+        )
 
     def filter(
         self,
@@ -249,6 +257,7 @@ class ImuSpecification(Saved):
         *,
         effects: Iterable[str] = (),
         temperature_sd: Real = 0.0,
+        thermometer: bool = False,
         longest: Real = LONGEST,
         correlation_time: Real | None = None,
     ) -> ImuErrors:
@@ -256,7 +265,7 @@ class ImuSpecification(Saved):
 
         Parameters
         ----------
-        rate, effects, temperature_sd, longest
+        rate, effects, temperature_sd, thermometer, longest
             As of `truth`; of the effects, a filter knows the rounding.
         correlation_time
             In s: the bias instability is one Gauss-Markov process with the standard deviation B and this correlation
@@ -267,7 +276,8 @@ class ImuSpecification(Saved):
         >>> len(nj.devices["STIM300"].filter(100.0, correlation_time=100.0).bank().states) % 6
         0
         """
-        return self._errors(rate, effects, temperature_sd, longest, per_decade=1, correlation_time=correlation_time)
+        how = {"per_decade": 1, "correlation_time": correlation_time}
+        return self._errors(rate, effects, temperature_sd, longest, thermometer=thermometer, **how)
 
     def _errors(
         self,
@@ -276,6 +286,7 @@ class ImuSpecification(Saved):
         temperature_sd: Real,
         longest: Real,
         *,
+        thermometer: bool,
         per_decade: int,
         correlation_time: Real | None,
     ) -> ImuErrors:
@@ -304,6 +315,13 @@ class ImuSpecification(Saved):
             (Misalignment, both(self.sd, "misalignment")),
             (GSensitivity, {"gyro_sd": self.sd("gyro", "g_sensitivity")}),
         ]
+        if thermometer:
+            if not any("bias_temperature" in getattr(self, s) for s in SENSORS):
+                raise ValueError(
+                    f"thermometer: {self.name or 'the datasheet'} leaves bias_temperature open: leave the thermometer "
+                    'out or state it, as with_entries(gyro={"bias_temperature": "..."}).'
+                )
+            unit.append((TemperatureBias, both(self.sd, "bias_temperature")))
         return ImuErrors(
             accel,
             gyro,
@@ -369,7 +387,7 @@ class ImuSpecification(Saved):
 
 _UNUSED = {
     "nonlinearity": "its form is not stated.",
-    "bias_temperature": "used with a temperature_sd.",
+    "bias_temperature": "used with a temperature_sd or a thermometer.",
     "scale_temperature": "used with a temperature_sd.",
 }
 

@@ -278,7 +278,11 @@ def present(table: Columns, columns: Mapping[str, int | str], wanted: Sequence[s
     if unknown := [key for key in columns if key not in wanted]:
         raise ValueError(f"columns names {', '.join(unknown)}; the quantities are: {', '.join(wanted)}.")
     told = {key: table.number(column) for key, column in columns.items()}
-    return (_by_name(table.names, [q for q in wanted if q not in told]) if table.names else {}) | told
+    if not table.names:
+        return told
+    # a column that the caller names for one quantity is no other, whatever it is called
+    free = ["" if i in told.values() else name for i, name in enumerate(table.names)]
+    return _by_name(free, [q for q in wanted if q not in told]) | told
 
 
 def _by_name(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:

@@ -38,6 +38,7 @@ SHORT_SHARE: dict[str, tuple[str, ...]] = {
     "nav/test_aiding_sensors.py::test_the_scale_is_estimated": NEVER,
     "nav/test_all_calibrated.py::test_a_filter_of_all_states_says_what_is_true": NEVER,
     "nav/test_all_calibrated.py::test_covariances_without_a_random_number_are_those_of_the_runs": NEVER,
+    "nav/test_any_study.py::test_every_door": ("2",),
     "nav/test_autodiff.py::test_derivatives_are_those_of_differences": ("reference",),
     "nav/test_calibration_sources.py::test_all_together_each_run_with_its_own_gains": NEVER,
     "nav/test_calibration_sources.py::test_covariances_are_those_of_the_runs": ("scale factor", "gravity"),

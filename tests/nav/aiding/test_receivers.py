@@ -52,6 +52,22 @@ def test_means_are_the_integrals_of_what_is_held():
         np.testing.assert_allclose(found, (held * weight[:, None]).mean(axis=1), atol=2e-4)
 
 
+@pytest.mark.parametrize("averaged", [0.0, 0.25])
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+def test_runs_with_arms_of_their_own_are_emulated_as_each_by_itself(averaged, offset):
+    """A mean velocity is that of an antenna whose arm every run draws, with a time offset or without one."""
+    sensor = Gnss(1.0, **BOTH, lever_arm_sd=0.1, time_offset_sd=offset, averaged=averaged)
+    experiment = nj.filter.prepare(nj.Scenario(nj.motions.lemniscate(duration=4.0, rate=20.0), [sensor]), rate=20.0)
+    time = jnp.array([1.0, 2.0, 3.0])
+    x = jnp.asarray(np.random.default_rng(1).normal(size=(3, len(sensor.states), 5))) * 0.1
+    found = sensor.emulate(experiment.track, time, x)
+    assert (found is None) == (not averaged and not offset)
+    if found is not None:
+        assert found.shape == (6, 3, 5)
+        alone = [sensor.emulate(experiment.track, time, x[:, :, r : r + 1]) for r in range(5)]
+        np.testing.assert_allclose(found, jnp.concatenate(alone, axis=2), rtol=1e-12, atol=1e-12)
+
+
 def test_no_window_no_means():
     imu = nj.perfect_imu(nj.motions.static(duration=2.0, rate=10.0))[0]
     assert window_means(imu, np.array([1.0]), []) is None

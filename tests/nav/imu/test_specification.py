@@ -7,7 +7,7 @@ import pytest
 import gmwm_jax as gj
 import nav_jax as nj
 from gmwm_jax._internal.states import from_state, to_state
-from nav_jax.imu.deterministic import GSensitivity, Misalignment, ScaleFactor
+from nav_jax.imu.deterministic import GSensitivity, Misalignment, ScaleFactor, TemperatureBias
 from nav_jax.imu.entries import ENTRIES, SIGMAS
 from nav_jax.imu.specification import FLOOR, ImuSpecification
 
@@ -112,6 +112,17 @@ def test_temperature_adds_to_biases_and_scale_factors():
     np.testing.assert_allclose(warm.deterministic[0].sd, [*[4e-5] * 3, 0, 0, 0], rtol=1e-12)
     assert not found.truth(100.0).deterministic
     assert [text.split(":")[0] for text in found.unused] == ["gyro bias_temperature", "accel scale_temperature"]
+
+
+def test_a_thermometer_makes_a_state_of_the_bias_by_temperature():
+    found = sheet({"turn_on_bias": "3 deg/h", "bias_temperature": "2 deg/h/K, 2 sigma"}, {})
+    for errors in (found.truth(100.0, thermometer=True), found.filter(100.0, thermometer=True)):
+        np.testing.assert_allclose(errors.bias_sd[3:], 3 * DEG / 3600, rtol=1e-12)
+        (by_temperature,) = errors.deterministic
+        assert isinstance(by_temperature, TemperatureBias)
+        np.testing.assert_allclose(by_temperature.sd, [0, 0, 0, *[DEG / 3600] * 3], rtol=1e-12)
+    with pytest.raises(ValueError, match="thermometer: the datasheet leaves bias_temperature open"):
+        sheet({}, {}).truth(100.0, thermometer=True)
 
 
 @pytest.mark.parametrize("rate", [10.0, 400.0])
