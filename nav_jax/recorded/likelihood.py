@@ -112,7 +112,6 @@ def loss_and_slopes(
     With w = nu/sqrt(s): gradient sum w d nu/sqrt(s) + (1 - w^2) d log s/2, information sum d nu d nu'/s + d log s
     d log s'/2 (Astrom 1980). Forward mode costs less than reverse for the few parameters that a sensor has.
     """
-
     basis = jnp.eye(len(vector)) if along is None else along
 
     def both(way: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -247,8 +247,8 @@ def tune(
     the record does not have, is held where the search has left it: try the model without it. Of a parameter that is
     barely in sight, records show the large estimates only, and an interval that is too short.
 
-    Standard deviations of fixes are those of white noise. A receiver that filters its positions has errors that last, of
-    which innovations show little: hold what it says of them, or give it a drift.
+    Standard deviations of fixes are those of white noise. A receiver that filters its positions has errors that last,
+    of which innovations show little: hold what it says of them, or give it a drift.
 
     Examples
     --------
