@@ -384,7 +384,8 @@ def _run(
 
 
 # of one run the loops are as fast without the emitters, and are compiled in two thirds of the time
-_compiled_run = bounded(eqx.filter_jit(_run, compiler_options={"xla_cpu_use_fusion_emitters": False}))
+_LESS_TO_COMPILE: Any = {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
+_compiled_run = bounded(eqx.filter_jit(_run, **_LESS_TO_COMPILE))
 
 
 def navigate(
