@@ -244,7 +244,7 @@ class ReferenceSection(Section):
 
 
 class RecordRunSection(OfEarth):
-    """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes all but `every`.
+    """Arguments of `nav_jax.tune` and `nav_jax.navigate`; the latter alone takes all but `every` and `vibration`.
 
     ``vibration = 0.1``, or ``{accel = 0.1, gyro = [0.05, 0.05, 0.1]}``: factors of `nav_jax.imu.VibrationNoise`.
     ``gate = 0.999``, or ``{gnss = 0.999}``: the probability with which a good fix passes.
@@ -305,7 +305,8 @@ class RecordConfig:
 
     def tune(self, name: str, **options: Any) -> Tuning:
         """Tune a filter of this name; options as of `nav_jax.tune`."""
-        return tune(self.imu, self.aiding, self.filters[name], **self._start(), **options)
+        given: dict[str, Any] = {**self._start(), "vibration": self._noticed()["vibration"], **options}
+        return tune(self.imu, self.aiding, self.filters[name], **given)
 
     def navigate(self, name: str) -> Navigation:
         """Navigate by a filter of this name."""

@@ -21,8 +21,9 @@ print(solution)
 ```
 
 `tune`, with the arguments of `navigate`, finds the noise parameters that make the innovations of a recorded drive most
-likely, with standard errors, and marks what the drive does not show. ``smooth=True`` in `navigate` gives the fixed-interval
-smoother.
+likely, with standard errors, and marks what the drive does not show. With ``tune_aiding=True, hold=["accel", "gyro"]`` it
+finds by how much receivers are wrong about themselves, and `Tuning.applied` corrects the fixes. ``smooth=True`` in
+`navigate` gives the fixed-interval smoother.
 
 How good is it where there are no fixes? Outages are simulated all over the record, and their ends judged by the fixes that
 were withheld. A car gains most by what its wheels do not do, by the moments at which it stands, and by noise that grows with

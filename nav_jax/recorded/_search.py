@@ -36,17 +36,27 @@ class Found(NamedTuple):
 
 
 class Objective:
-    """Loss and penalty about a vector; the last is remembered, for which a solver asks three times."""
+    """Loss and penalty about a vector; the last is remembered, for which a solver asks three times.
 
-    def __init__(self, record: Record, model: Model, penalty: Float64[np.ndarray, "P P"]):
+    Where candidates are named, derivatives of the loss are theirs alone, and zero along all that is held.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        model: Model,
+        penalty: Float64[np.ndarray, "P P"],
+        candidates: Sequence[int] | None = None,
+    ):
         self.record, self.model, self.penalty = record, model, penalty
+        self.along = None if candidates is None else jnp.eye(len(model.start))[:, np.array(candidates)]
         self.start = np.asarray(model.start)
         self.at: Any = None
 
     def __call__(self, vector: Float64[np.ndarray, " P"]) -> Found:
         """Loss, gradient and information there."""
         if self.at is None or not np.array_equal(self.at, vector):
-            found = jax.tree.map(np.asarray, loss_and_slopes(self.record, self.model, jnp.asarray(vector)))
+            found = jax.tree.map(np.asarray, loss_and_slopes(self.record, self.model, jnp.asarray(vector), self.along))
             self.at = np.array(vector)
             self.last = Found(
                 # a filter that breaks down is as unlikely as can be

@@ -102,19 +102,24 @@ class Slopes(NamedTuple):
 
 @bounded
 @eqx.filter_jit
-def loss_and_slopes(record: Record, model: Model, vector: Float[Array, " P"]) -> Slopes:
+def loss_and_slopes(
+    record: Record, model: Model, vector: Float[Array, " P"], along: Float[Array, "P k"] | None = None
+) -> Slopes:
     """The loss of `innovation_loss`, its gradient and the information, by forward mode through the filter.
+
+    Each direction costs a filter: of orthonormal ones `along` which alone derivatives are wanted, all others are zero.
 
     With w = nu/sqrt(s): gradient sum w d nu/sqrt(s) + (1 - w^2) d log s/2, information sum d nu d nu'/s + d log s
     d log s'/2 (Astrom 1980). Forward mode costs less than reverse for the few parameters that a sensor has.
     """
+    basis = jnp.eye(len(vector)) if along is None else along
 
-    def both(vector: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        nu, s = innovations(record, *model.build(vector))
+    def both(way: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        nu, s = innovations(record, *model.build(vector + basis @ way))
         return (nu.ravel(), s.ravel()), (nu.ravel(), s.ravel())
 
-    (d_nu, d_s), (nu, s) = jax.jacfwd(both, has_aux=True)(vector)
-    return slopes_of(nu, s, d_nu, d_s)
+    (d_nu, d_s), (nu, s) = jax.jacfwd(both, has_aux=True)(jnp.zeros(basis.shape[1]))
+    return slopes_of(nu, s, d_nu @ basis.T, d_s @ basis.T)
 
 
 def slopes_of(

@@ -5,9 +5,10 @@ prior, it is sought all the same and marked as coming from there.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -27,6 +28,7 @@ from nav_jax.filter.parameters import AidingLines, ErrorLines
 from nav_jax.filter.scenario import EVERY
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
+from nav_jax.imu.vibration import VibrationNoise
 from nav_jax.kinematics.earth import AbstractEarth
 from nav_jax.recorded._search import Objective, search
 from nav_jax.recorded.likelihood import Model, Record
@@ -103,6 +105,37 @@ class Tuning(Drawable, Saved, Labelled):
     converged: bool
     level: float
 
+    def applied(self, aiding: Sequence[Fixes]) -> tuple[Fixes, ...]:
+        """Fixes of these sensors with the standard deviations that were found, their own covariances scaled likewise.
+
+        Raises
+        ------
+        ValueError
+            Other sensors than were tuned.
+
+        Examples
+        --------
+        >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=20.0, rate=20.0))
+        >>> rng = np.random.default_rng(0)
+        >>> fixes = nj.Fixes(  # of a receiver that says 20 cm, and has 5
+        ...     nj.GnssPosition(2.0, horizontal=0.2, vertical=0.2),
+        ...     exact.time[10::10],
+        ...     exact.position[10::10] + rng.normal(0.0, 0.05, (40, 3)),
+        ... )
+        >>> filter = nj.ImuErrors("WN(sigma2=1e-4)", "WN(sigma2=1e-8)", rate=20.0)
+        >>> start = {name: getattr(exact, name)[0] for name in ("position", "velocity", "quaternion")}
+        >>> start["initial"] = nj.InitialUncertainty(position_sd=0.1, velocity_sd=0.1, attitude_sd=0.01)
+        >>> found = nj.tune(samples, [fixes], filter, **start, tune_aiding=True, hold=["accel", "gyro"])
+        >>> (better,) = found.applied([fixes])
+        >>> better.sensor.believed.round(2).tolist()
+        [0.05, 0.05, 0.05]
+        """
+        tuned = {sensor.name: sensor for sensor in self.aiding}
+        if {f.sensor.name for f in aiding} != tuned.keys():
+            asked = ", ".join(f.sensor.name for f in aiding) or "none"
+            raise ValueError(f"The tuning is of {', '.join(tuned)}, and the fixes are of {asked}.")
+        return tuple(_applied(f, tuned[f.sensor.name]) for f in aiding)
+
     def _arrays(self) -> Arrays:
         """A row a parameter."""
         per_sample = "SI, per sample; a factor for an aiding sensor"
@@ -168,6 +201,7 @@ def tune(
     prior: Any = None,
     every: int = EVERY,
     earth: AbstractEarth | None = None,
+    vibration: VibrationNoise | None = None,
     level: float = 0.95,
     progress: Progress = False,
 ) -> Tuning:
@@ -175,15 +209,17 @@ def tune(
 
     Parameters
     ----------
-    imu, aiding, position, velocity, quaternion, initial, every, earth
-        See `nav_jax.recorded.navigation`.
+    imu, aiding, position, velocity, quaternion, initial, every, earth, vibration
+        See `nav_jax.recorded.navigation`. The vibration is not sought: `noise_in_motion` does that.
     filter
         What it believes where the search starts, such as fits of a static recording; its structure is that of the
         result.
     tune_aiding
-        Seek also the standard deviations that the filter believes of the aiding sensors.
+        Seek also the standard deviations that the filter believes of the aiding sensors, as factors: what receivers say
+        of their fixes is seldom right. `Tuning.applied` multiplies the fixes by them.
     hold
-        Names of parameters that are not sought.
+        Names of parameters that are not sought, or what several begin with: ``["accel", "gyro"]`` with `tune_aiding`
+        leaves the standard deviations of the fixes alone, which takes a fraction of the time.
     max_steps
         Of the search, each time that what is observable has changed.
     prior
@@ -211,6 +247,9 @@ def tune(
     the record does not have, is held where the search has left it: try the model without it. Of a parameter that is
     barely in sight, records show the large estimates only, and an interval that is too short.
 
+    Standard deviations of fixes are those of white noise. A receiver that filters its positions has errors that last,
+    of which innovations show little: hold what it says of them, or give it a drift.
+
     Examples
     --------
     >>> samples, exact = nj.perfect_imu(nj.motions.lemniscate(duration=10.0, rate=20.0))  # in place of a recorded drive
@@ -227,6 +266,8 @@ def tune(
     """
     level, max_steps = probability("level", level), integer("max_steps", max_steps, 1)
     of_kind("initial", initial, InitialUncertainty)
+    if vibration is not None:
+        of_kind("vibration", vibration, VibrationNoise)
     if not aiding:
         raise ValueError("Without aiding there are no innovations, and nothing to tune by.")
     done = prepare_navigation(
@@ -239,20 +280,23 @@ def tune(
         every=every,
         output_interval=imu.duration,
         earth=earth,
+        vibration=vibration,
     )
     warn_of_record(imu, aiding, done.inputs.start, initial, earth)
     record = Record(done.timeline, done.inputs, initial)
     model = Model(ErrorLines(filter), AidingLines(done.sensors), tune_aiding)
     names, size = model.names, len(model.names)
-    if unknown := sorted(set(hold) - set(names)):
-        raise ValueError(f"There is no parameter {unknown[0]!r} to hold; there are {', '.join(names)}.")
-    objective = Objective(record, model, _penalty(prior, size))
+    held = _held(names, hold)
+    candidates = [i for i in range(size) if names[i] not in held]
+    if not candidates:
+        raise ValueError("The record determines none of the parameters: all of them are held.")
+    objective = Objective(record, model, _penalty(prior, size), candidates)
     begin = objective(objective.start)
     if not np.isfinite(begin.loss):
         raise ValueError("The filter fails at the start: look at the record with navigate first.")
     bar = progress_bar(None, "step", progress)
     try:
-        found = search(objective, [i for i in range(size) if names[i] not in hold], max_steps, bar)
+        found = search(objective, candidates, max_steps, bar)
     finally:
         bar.close()
     if not found.sought.any():
@@ -273,13 +317,37 @@ def tune(
         sought=found.sought,
         lost=found.lost,
         observable=found.observable,
-        held=tuple(hold),
+        held=held,
         loss_start=begin.loss,
         loss=found.loss,
         num_innovations=int(np.asarray(record.timeline.valid).sum()),
         converged=found.converged,
         level=level,
     )
+
+
+def _applied(fixes: Fixes, tuned: AbstractAiding) -> Fixes:
+    """The fixes of a sensor that believes other standard deviations."""
+    C = fixes.covariance
+    if C is not None:
+        factor = np.asarray(tuned.believed) / np.asarray(fixes.sensor.believed)
+        C = factor[:, None] * C * factor
+    return replace(fixes, sensor=eqx.tree_at(lambda s: s.believed, fixes.sensor, tuned.believed), covariance=C)
+
+
+def _held(names: Sequence[str], hold: Sequence[str]) -> tuple[str, ...]:
+    """The parameters of these names, and those whose names begin with them.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    found = {given: [n for n in names if n == given or n.startswith(f"{given} ")] for given in hold}
+    if unknown := sorted(given for given, of_it in found.items() if not of_it):
+        raise ValueError(f"There is no parameter {unknown[0]!r} to hold; there are {', '.join(names)}.")
+    asked = {name for of_it in found.values() for name in of_it}
+    return tuple(name for name in names if name in asked)
 
 
 def _values(model: Model, vector: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, " P"]:

@@ -148,6 +148,42 @@ def test_aiding_too(record):
     np.testing.assert_allclose(found.aiding[0].believed[0], 0.05 * found.value[k])
 
 
+@pytest.mark.slow
+def test_what_receivers_say_of_themselves_is_corrected(record):
+    """Covariances of the fixes' own that are 2.5 times too large, and correlated; nothing else is sought."""
+    imu, fixes, start = record
+    told = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, 0.0], [0.0, 0.0, 4.0]]) * 0.05**2
+    modest = nj.Fixes(fixes[0].sensor, fixes[0].time, fixes[0].value, np.broadcast_to(told, (len(fixes[0].time), 3, 3)))
+    found = nj.tune(imu, [modest, fixes[1]], TRUTH, every=4, tune_aiding=True, hold=["accel", "gyro"], **start)
+    assert found.held == ErrorLines(TRUTH).names
+    k = found.names.index("gnss_position d sd")
+    assert found.value[k] == pytest.approx(0.4, abs=4 * 0.4 * found.se[k])
+    better, same = found.applied([modest, fixes[1]])
+    factor = np.array([*[found.value[found.names.index("gnss_position n, e sd")]] * 2, found.value[k]])
+    np.testing.assert_allclose(better.covariance[7], told * np.outer(factor, factor), rtol=1e-12)
+    assert same.covariance is None
+    np.testing.assert_array_equal(same.sensor.believed, found.aiding[1].believed)
+    # a filter of these fixes is that of the tuning
+    again = nj.tune(imu, [better, same], TRUTH, every=4, tune_aiding=True, hold=["accel", "gyro"], **start)
+    assert again.loss_start == pytest.approx(found.loss, rel=1e-9)
+    with pytest.raises(ValueError, match="tuning is of gnss_position, gnss_velocity, and the fixes are of gnss_vel"):
+        found.applied([same])
+
+
+@pytest.mark.slow
+def test_vibration_is_the_filters_that_is_tuned(record):
+    imu, fixes, start = record
+    shaken = nj.imu.VibrationNoise(accel=0.3, gyro=0.3)
+    losses = [
+        nj.tune(imu, fixes, TRUTH, every=4, tune_aiding=True, hold=["accel", "gyro"], vibration=v, **start).loss_start
+        for v in (None, shaken)
+    ]
+    told = nj.navigate(imu, fixes, TRUTH, every=4, vibration=shaken, **start)
+    each = [told.innovation[n] ** 2 / told.innovation_sd[n] ** 2 + 2 * np.log(told.innovation_sd[n]) for n in told.nis]
+    assert losses[1] == pytest.approx(sum(x.sum() for x in each) / 2, rel=1e-9)
+    assert losses[1] > losses[0] + 0.01
+
+
 def test_information_and_observability():
     """Two parameters of which only the sum matters: one is given up; standard errors are of the inverse."""
     info = np.array([[4.0, 4.0, 0.0], [4.0, 4.0, 0.0], [0.0, 0.0, 25.0]])
