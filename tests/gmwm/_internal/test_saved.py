@@ -175,8 +175,8 @@ def test_files_know_these_classes():
             "Coefficients", "Composite", "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given",
             "GoodnessOfFit", "Influence", "Iterated", "JointFit", "LogDensity", "MeanOfRecords", "ModelScore",
             "Modwt", "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "Posterior",
-            "RecordComparison", "Regression",
-            "Robust", "RobustComparison", "Selection", "StabilityDeviation", "TwoStep", "WaveletVariance",
+            "RecordComparison", "Regression", "Replicates",
+            "Robust", "RobustComparison", "Selection", "Source", "StabilityDeviation", "TwoStep", "WaveletVariance",
             "WaveletVariances", "Within",
         )
     ]  # fmt: skip
