@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from typing import Any
 
-from gmwm_jax._internal.executors import Pool
+from gmwm_jax._internal.executors import Pool, prepare_worker
+from gmwm_jax._internal.states import State, from_state, to_state
 
 _MOST_BREAKS = 16
 """Times in turn that a pool may break before a task is done."""
@@ -21,6 +22,21 @@ Task = tuple[Any, ...]
 
 class WorkerDied(Exception):
     """What has become of a task that takes its worker with it."""
+
+
+class SentAsState:
+    """What goes to other processes as numbers of NumPy: arrays of JAX lose half their bits in one without x64."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Of a registered class, see `gmwm_jax._internal.states`."""
+        return _arrived, (to_state(self),)
+
+
+def _arrived(state: State) -> Any:
+    prepare_worker()
+    return from_state(state)
 
 
 def why(error: Exception) -> str:

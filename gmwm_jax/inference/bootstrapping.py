@@ -26,15 +26,15 @@ from gmwm_jax._internal.chunks import (
     words_of_key,
 )
 from gmwm_jax._internal.drawing import Drawable
-from gmwm_jax._internal.executors import InThisThread, Pool, Workers, prepare_worker
+from gmwm_jax._internal.executors import InThisThread, Pool, Workers
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.parts import Parts
 from gmwm_jax._internal.progress import Progress
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.specification import specification_of
-from gmwm_jax._internal.states import State, from_state, saved, to_state
-from gmwm_jax._internal.tasks import carry_out
+from gmwm_jax._internal.states import from_state, saved, to_state
+from gmwm_jax._internal.tasks import SentAsState, carry_out
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.refit import refit
 from gmwm_jax.fitting.result import Fit
@@ -289,7 +289,7 @@ def bootstrap(
     if route == RECORDS:
         most += min(CHUNK, num_replicates) * bytes_of_draw(fit.model, fit.wv.num_samples or 0)
     require_memory(most, f"{num_replicates} replicates", "ask for fewer (num_replicates)")
-    source = Source(fit, route, *words_of_key(key), CHUNK)
+    source = BootstrapSource(fit, route, *words_of_key(key), CHUNK)
     parts = None if store is None else Parts(store, "bootstrap", specification_of(source))
     # of a chunk in a store all replicates are there, for who continues with more
     last = num_replicates if parts is None else -(-num_replicates // CHUNK) * CHUNK
@@ -325,7 +325,7 @@ def bootstrap(
 
 @saved()
 @dataclass(frozen=True, eq=False)
-class Source:
+class BootstrapSource(SentAsState):
     """All that replicates depend on, apart from their numbers."""
 
     fit: Fit
@@ -340,10 +340,6 @@ class Source:
         if self.route == VARIANCES:
             return theory_draws(self.fit.model, self.fit.wv, np.asarray(self.fit.wv_covariance))
         return record_draws(self.fit.model, self.fit.wv)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """To another process as numbers of NumPy: arrays of JAX would lose half their bits in one without x64."""
-        return _arrived, (to_state(self),)
 
     def replicates(self, first: int, last: int) -> "Replicates":
         """Draw and estimate those of these numbers."""
@@ -373,17 +369,12 @@ class Replicates:
         return self.variances, self.values, self.objective, self.converged
 
 
-_sources: dict[str, Source] = {}
+_sources: dict[str, BootstrapSource] = {}
 """The last one of this process, prepared: every task comes with a copy."""
 _opening = threading.Lock()
 
 
-def _arrived(state: State) -> Source:
-    prepare_worker()
-    return from_state(state)
-
-
-def _replicates(token: str, source: Source, first: int, last: int) -> Replicates:
+def _replicates(token: str, source: BootstrapSource, first: int, last: int) -> Replicates:
     with _opening:
         if token not in _sources:
             _sources.clear()

@@ -13,7 +13,7 @@ from programs import fitted, simulated
 
 import gmwm_jax as gj
 from gmwm_jax._internal import environment, parts
-from gmwm_jax.inference.bootstrapping import Source
+from gmwm_jax.inference.bootstrapping import BootstrapSource
 
 NUM, CHUNKS = 200, 4
 
@@ -36,13 +36,13 @@ def boot():
 @pytest.fixture
 def computed(monkeypatch):
     """First numbers of the chunks that were computed, in their order."""
-    seen, replicates = [], Source.replicates
+    seen, replicates = [], BootstrapSource.replicates
 
     def counted(self, first, last):
         seen.append(first)
         return replicates(self, first, last)
 
-    monkeypatch.setattr(Source, "replicates", counted)
+    monkeypatch.setattr(BootstrapSource, "replicates", counted)
     return seen
 
 
@@ -288,7 +288,7 @@ def test_a_chunk_that_cannot_be_computed_is_told(monkeypatch):
     def fails(self, first, last):
         raise FloatingPointError("bad luck")
 
-    monkeypatch.setattr(Source, "replicates", fails)
+    monkeypatch.setattr(BootstrapSource, "replicates", fails)
     with pytest.raises(FloatingPointError, match="bad luck"):
         replicated(store="store")
 
