@@ -15,6 +15,7 @@ NAMES = (
     "wavelet",
     "robust",
     "fit",
+    "first",
     "process",
     "bmx055",
     "coverage",

@@ -71,6 +71,7 @@ if _TYPE_CHECKING:
     from gmwm_jax.inference import bootstrap as bootstrap
     from gmwm_jax.inference import goodness_of_fit as goodness_of_fit
     from gmwm_jax.inference import select as select
+    from gmwm_jax.multisignal import fit_each as fit_each
     from gmwm_jax.multisignal import fit_records as fit_records
     from gmwm_jax.processes import AR as AR
     from gmwm_jax.processes import AR1 as AR1

@@ -98,6 +98,20 @@ def make_atomically(path: Path, make: Callable[[Path], Any]) -> Path:
     return path
 
 
+@contextlib.contextmanager
+def as_sentence(path: Path) -> Iterator[None]:
+    """Say what a system that refuses to write means for a store of parts."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:  # it is a sentence of ours
+            raise
+        raise OSError(
+            f"{path} cannot be written ({os.strerror(error.errno)}): what is whole in it is kept, and the same call "
+            "continues when it can be."
+        ) from error
+
+
 def settle_abandoned(path: Path) -> None:
     """Finish or remove what killed writers of a path have left beside it; what live ones are at is left alone."""
     name = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}\.part")

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int
 
@@ -23,6 +24,16 @@ def chunks(num: int, size: int) -> Iterator[tuple[Int[np.ndarray, " size"], int]
 def numbered_keys(key: Any, numbers: Any) -> Any:
     """A key for each number: it depends on nothing but the key and the number."""
     return jax.vmap(lambda i: jax.random.fold_in(key, i))(np.asarray(numbers, dtype=np.uint32))
+
+
+def words_of_key(key: Any) -> tuple[str, tuple[int, ...]]:
+    """Kind and words of a key, by which files and other processes know it."""
+    return str(jax.random.key_impl(key)), tuple(int(word) for word in np.asarray(jax.random.key_data(key)))
+
+
+def key_of_words(kind: str, words: tuple[int, ...]) -> Any:
+    """The key of `words_of_key`."""
+    return jax.random.wrap_key_data(jnp.array(words, jnp.uint32), impl=kind)
 
 
 def stream_keys(keys: Any, number: Any) -> Any:

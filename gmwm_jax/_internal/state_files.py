@@ -34,6 +34,10 @@ _STATE = "state"
 """Variable of a dataset that holds the header."""
 
 
+class NewerVersionError(ValueError):
+    """It is of a format that was not known when this version was written."""
+
+
 class Content(NamedTuple):
     """What a file says that it holds."""
 
@@ -139,7 +143,7 @@ def _checked(path: Path, header: Any, arrays: Mapping[str, np.ndarray]) -> Conte
     if not isinstance(header, dict) or not {"format", "kind", "checksum", "state"} <= set(header):
         raise ValueError(f"{path} was not written by save(): it does not say what it holds.")
     if not isinstance(header["format"], int) or header["format"] > FORMAT:
-        raise ValueError(
+        raise NewerVersionError(
             f"{path} was written by a newer version (format {header['format']!r:.50}, known is {FORMAT}): update "
             "gmwm-jax."
         )

@@ -20,8 +20,15 @@ print(gj.goodness_of_fit(best))  # chi-square test, and the pull of each scale: 
 boot = gj.bootstrap(best, 200, key=jax.random.key(1))  # or 2000; route="records" simulates records
 print(boot)  # test of fit by replicates, and intervals: boot.parameters("basic"), boot.continuous("studentised")
 ```
+
+Replicates that take long are computed by several processes or a cluster, and kept: killed, the same lines continue.
+
+```py
+gj.bootstrap(fit, 10_000, key=key, route="records", executor=gj.inference.processes(8), store="replicates", progress=True)
+```
 """  # noqa: E501
 
+from gmwm_jax._internal.executors import processes as processes
 from gmwm_jax.inference.bootstrapping import Bootstrap as Bootstrap
 from gmwm_jax.inference.bootstrapping import bootstrap as bootstrap
 from gmwm_jax.inference.goodness import GoodnessOfFit as GoodnessOfFit

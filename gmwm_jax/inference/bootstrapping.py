@@ -4,20 +4,37 @@ The wavelet variances of the replicates are those of simulated records, or drawn
 `gmwm_jax.variance.replicates`.
 """
 
+import os
+import secrets
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from gmwm_jax._internal.cached import cached_property
 from gmwm_jax._internal.checks import integer, require_x64, typed_key
-from gmwm_jax._internal.chunks import numbered_keys, replicate_p_value, replicates_done, until_interrupted
+from gmwm_jax._internal.chunks import (
+    key_of_words,
+    numbered_keys,
+    replicate_p_value,
+    replicates_done,
+    until_interrupted,
+    words_of_key,
+)
 from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.executors import InThisThread, Pool, Workers
 from gmwm_jax._internal.labelled import UNIT_OF_PARAMETER, Arrays, Labelled, Values, import_pandas
 from gmwm_jax._internal.memory import FLOAT, require_memory
+from gmwm_jax._internal.parts import Parts
 from gmwm_jax._internal.progress import Progress
 from gmwm_jax._internal.saved import Saved
-from gmwm_jax._internal.states import saved
+from gmwm_jax._internal.specification import specification_of
+from gmwm_jax._internal.states import from_state, saved, to_state
+from gmwm_jax._internal.tasks import SentAsState, carry_out
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.refit import refit
 from gmwm_jax.fitting.result import Fit
@@ -197,6 +214,8 @@ def bootstrap(
     *,
     key: PRNGKey,
     route: str = VARIANCES,
+    executor: Workers = None,
+    store: str | os.PathLike | None = None,
     progress: Progress = False,
 ) -> Bootstrap:
     """Replicate a fit with its model as the truth.
@@ -211,6 +230,13 @@ def bootstrap(
         ``jax.random.key(seed)``. Replicate b has a key of its own whatever B is.
     route
         ``variances`` draws wavelet variances from their theoretical distribution, ``records`` simulates records.
+    executor
+        Who computes: a `concurrent.futures.Executor`, a function that makes one (such as `processes`, whose workers are
+        replaced when they die), or what has ``get_executor()``, such as a Dask Client. This thread unless given. The
+        replicates are the same, to the last bit, whoever computed them on one kind of processor.
+    store
+        A folder, new or of this bootstrap, where every chunk of replicates is kept: the same call continues one that
+        was killed, and a call for more replicates one that is done.
     progress
         Show a bar (needs the extra ``app``); or a function of what is done and the total, which may cancel by
         raising.
@@ -223,9 +249,16 @@ def bootstrap(
     Raises
     ------
     ValueError
-        Another route; no theory; a model without any variance; records for a robust wavelet variance.
+        Another route; no theory; a model without any variance; records for a robust wavelet variance. The store is of
+        another bootstrap: the message names the field that differs. A model with a process of your own, and a store.
     TypeError
         The key is an integer or of the old kind.
+    FileExistsError
+        There is something else at the path of the store.
+    OSError
+        The store cannot be written, as where the disk is full; what is whole in it is kept.
+    RuntimeError
+        Workers died, and nobody has said how to make others.
 
     Examples
     --------
@@ -234,6 +267,9 @@ def bootstrap(
     >>> boot = gj.bootstrap(fit, 20, key=jax.random.key(0))
     >>> boot.names
     ('WN sigma2', 'RW gamma2')
+    >>> more = gj.bootstrap(fit, 80, key=jax.random.key(0), store="replicates")
+    >>> bool(np.all(more.values[:20] == boot.values))
+    True
     """
     require_x64()
     typed_key(key)
@@ -253,19 +289,117 @@ def bootstrap(
     if route == RECORDS:
         most += min(CHUNK, num_replicates) * bytes_of_draw(fit.model, fit.wv.num_samples or 0)
     require_memory(most, f"{num_replicates} replicates", "ask for fewer (num_replicates)")
-    keys = numbered_keys(key, range(num_replicates))
-    if route == VARIANCES:
-        draw = theory_draws(fit.model, fit.wv, np.asarray(fit.wv_covariance))
-    else:
-        draw = record_draws(fit.model, fit.wv)
-    done: list[tuple[np.ndarray, ...]] = []
+    source = BootstrapSource(fit, route, *words_of_key(key), CHUNK)
+    parts = None if store is None else Parts(store, "bootstrap", specification_of(source))
+    # of a chunk in a store all replicates are there, for who continues with more
+    last = num_replicates if parts is None else -(-num_replicates // CHUNK) * CHUNK
+    tasks = [(first, min(first + CHUNK, last)) for first in range(0, num_replicates, CHUNK)]
+    done: dict[tuple[int, int], Replicates] = {}
     with until_interrupted(done, num_replicates, "replicate", progress) as bar:
-        for first in range(0, num_replicates, CHUNK):
-            nu = draw(keys[first : first + CHUNK])
-            # by pairs a variance may be negative by chance: such a replicate is a failure
-            good = np.all(nu > 0, axis=1)
-            found = refit(fit, np.where(good[:, None], nu, fit.fitted))
-            done.append((nu, found.values, found.objective, found.converged & good))
-            bar.update(len(nu))
-    columns = (np.concatenate(leaves) for leaves in zip(*done, strict=True))
+
+        def take(task: tuple[int, int], found: "Replicates | Exception") -> None:
+            if isinstance(found, Exception):
+                raise found
+            if parts is not None and task not in stored:
+                parts.write(_name(task), to_state(found))
+            done[task] = found
+            bar.update(min(task[1], num_replicates) - task[0])
+
+        stored = {} if parts is None else _stored(parts, tasks)
+        for task, found in stored.items():
+            take(task, found)
+        lacking = [task for task in tasks if task not in stored]
+        given = secrets.token_hex(8), source
+        carry_out(iter([lacking]), _replicates, given, Pool(executor, InThisThread), take, died=_died(parts))
+    leading = list(takewhile(done.__contains__, tasks))  # the number of a replicate is that of its key
+    if not leading:
+        raise KeyboardInterrupt
+    columns = (
+        np.concatenate(leaves)[:num_replicates] for leaves in zip(*(done[t].columns for t in leading), strict=True)
+    )
     return Bootstrap(fit, route, *columns, num_requested=num_replicates)
+
+
+# -- a chunk of replicates, wherever it is computed -------------------------------------------------------------------
+
+
+@saved()
+@dataclass(frozen=True, eq=False)
+class BootstrapSource(SentAsState):
+    """All that replicates depend on, apart from their numbers."""
+
+    fit: Fit
+    route: str
+    key_kind: str
+    key_words: tuple[int, ...]
+    chunk_size: int
+
+    @cached_property
+    def draw(self) -> Callable[[Any], np.ndarray]:
+        """Wavelet variances by keys of replicates."""
+        if self.route == VARIANCES:
+            return theory_draws(self.fit.model, self.fit.wv, np.asarray(self.fit.wv_covariance))
+        return record_draws(self.fit.model, self.fit.wv)
+
+    def replicates(self, first: int, last: int) -> "Replicates":
+        """Draw and estimate those of these numbers."""
+        # what is drawn in one call is always as much, since last bits depend on it; records are drawn by parts of their
+        # own that are, and would take long
+        numbers = range(first, first + self.chunk_size if self.route == VARIANCES else last)
+        nu = self.draw(numbered_keys(key_of_words(self.key_kind, self.key_words), numbers))[: last - first]
+        # by pairs a variance may be negative by chance: such a replicate is a failure
+        good = np.all(nu > 0, axis=1)
+        found = refit(self.fit, np.where(good[:, None], nu, self.fit.fitted))
+        return Replicates(nu, found.values, found.objective, found.converged & good)
+
+
+@saved(not_finite=("variances", "values", "objective"))
+@dataclass(frozen=True, eq=False)
+class Replicates:
+    """A chunk of those of a `Bootstrap`."""
+
+    variances: Float[np.ndarray, "B J"]
+    values: Float[np.ndarray, "B P"]
+    objective: Float[np.ndarray, " B"]
+    converged: Bool[np.ndarray, " B"]
+
+    @property
+    def columns(self) -> tuple[np.ndarray, ...]:
+        """As `Bootstrap` has them."""
+        return self.variances, self.values, self.objective, self.converged
+
+
+_sources: dict[str, BootstrapSource] = {}
+"""The last one of this process, prepared: every task comes with a copy."""
+_opening = threading.Lock()
+
+
+def _replicates(token: str, source: BootstrapSource, first: int, last: int) -> Replicates:
+    with _opening:
+        if token not in _sources:
+            _sources.clear()
+            _sources[token] = source
+        source = _sources[token]
+    return source.replicates(first, last)
+
+
+def _name(task: tuple[int, int]) -> str:
+    return f"replicates-{task[0]:07d}"
+
+
+def _stored(parts: Parts, tasks: list[tuple[int, int]]) -> dict[tuple[int, int], Replicates]:
+    """Those that are there."""
+    states = {task: parts.read(_name(task)) for task in tasks}
+    return {task: from_state(state) for task, state in states.items() if state is not None}
+
+
+def _died(parts: Parts | None) -> Callable[[list[tuple[int, int]]], str]:
+    kept = "with store=... what is done would be kept" if parts is None else f"what is whole in {parts.path} is kept"
+
+    def died(tasks: list[tuple[int, int]]) -> str:
+        return (
+            f"A worker died while it had one of the chunks of replicates from {tasks[0][0]} on: {kept}. "
+            "executor=gj.inference.processes(n) replaces workers that die now and then."
+        )
+
+    return died

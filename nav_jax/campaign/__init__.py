@@ -55,8 +55,8 @@ Options of XLA, such as those of `nj.fast_loops`, are set for all jobs of a camp
 they change last bits, and a store that was begun with others warns of it.
 """  # noqa: E501
 
+from gmwm_jax._internal.executors import processes as processes
 from nav_jax.campaign.campaign import Campaign as Campaign
-from nav_jax.campaign.executors import processes as processes
 from nav_jax.campaign.results import CampaignStatus as CampaignStatus
 from nav_jax.campaign.results import Cost as Cost
 from nav_jax.campaign.results import Statistics as Statistics

@@ -5,33 +5,28 @@ import os
 import tempfile
 import time
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Key
 
 from gmwm_jax._internal.checks import integer, of_kind, typed_key
+from gmwm_jax._internal.chunks import words_of_key
 from gmwm_jax._internal.cores import num_threads
+from gmwm_jax._internal.environment import differences, environment
+from gmwm_jax._internal.executors import Pool, Workers, threads
 from gmwm_jax._internal.progress import Bar, Progress, progress_bar
+from gmwm_jax._internal.specification import Specification, definition_of, difference, specification_of
+from gmwm_jax._internal.tasks import carry_out, why
 from nav_jax.campaign.contents import KEEPS
-from nav_jax.campaign.environment import differences, environment
-from nav_jax.campaign.executors import Pool, Workers
 from nav_jax.campaign.looks import Looks
 from nav_jax.campaign.results import CampaignStatus, Cost, Statistics, named
-from nav_jax.campaign.specification import (
-    Definition,
-    Specification,
-    definition_of,
-    difference,
-    specification_of,
-)
+from nav_jax.campaign.specification import Definition
 from nav_jax.campaign.store import Store, read_root, read_specification
 from nav_jax.campaign.tasks import Told, bench_of, run_task
 from nav_jax.filter.experiment import GAINS, check_rates, named_filters
@@ -41,15 +36,6 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.runs import Runs
 from nav_jax.simulation.stopping import Rule, rule_of
-
-_WAITING = 64
-"""Tasks that are with the executor at a time."""
-
-_MOST_BREAKS = 16
-"""Times in turn that a pool may break before a chunk is done."""
-
-_MOST_DEATHS = 3
-"""Workers that a task may cost that is alone with them."""
 
 Task = tuple[str, int]
 
@@ -140,9 +126,8 @@ class Campaign:
             if value not in known:
                 raise ValueError(f"{what} is one of {', '.join(known)}, and is {value!r}.")
         size = integer("chunk_size", chunk_size, 1)
-        data = tuple(int(word) for word in np.asarray(jax.random.key_data(key)))
-        kind = str(jax.random.key_impl(key))
-        self._define(specification_of(Definition(scenarios, truth, filters, kind, data, size, keep, gains)))
+        key_words = words_of_key(key)
+        self._define(specification_of(Definition(scenarios, truth, filters, *key_words, size, keep, gains)))
         self._num_chunks = -(-integer("num_runs", num_runs, 1) // size)
 
     def _define(self, specification: Specification) -> None:
@@ -190,7 +175,9 @@ class Campaign:
         for path, other in zip(stores, known, strict=True):
             texts = other._specification.text, merged._specification.text
             if texts[0] != texts[1]:
-                raise ValueError(f"{path} is the store of another campaign than {stores[0]}: {difference(*texts)}.")
+                raise ValueError(
+                    f"{path} is the store of another campaign than {stores[0]}: {difference(*texts, 'that one')}."
+                )
         merged._num_chunks = max(other._num_chunks for other in known)
         target, sources = merged._open_store(Path(into)), [other._store() for other in known]
         for scenario, chunk in merged._tasks():
@@ -354,65 +341,26 @@ class Campaign:
             lacking = [task for task in lacking if task not in now]
 
     def _compute(self, store: Store, rounds: Iterator[list[Task]], executor: Workers, bar: Bar) -> None:
-        """Send the tasks of each round out, and those whose worker died again, after the others and then one by one.
+        """Have the tasks of each round done, and note those that cannot be."""
 
-        A pool that breaks does not say which of its tasks was the reason: the one that breaks it alone.
-        """
-        pool, ended = Pool(executor), False
-        waiting: dict[Future[Told], Task] = {}
-        todo: list[Task] = []
-        order: dict[Task, int] = {}
-        breaks, deaths = 0, Counter[Task]()
-        path, digest = str(store.path.absolute()), store.specification.digest
-        try:
-            while True:
-                if not (todo or waiting):
-                    if not (tasks := next(rounds, [])):
-                        break
-                    todo, order = tasks[::-1], {task: i for i, task in enumerate(tasks)}
-                broken = []
-                try:
-                    while todo and len(waiting) < (1 if breaks > 1 else _WAITING):
-                        future = pool.executor.submit(run_task, path, digest, store.num_chunks, *todo[-1])
-                        waiting[future] = todo.pop()
-                except BrokenExecutor:
-                    broken.append(todo.pop())
-                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                    task = waiting.pop(future)
-                    try:
-                        told = future.result()
-                    except BrokenExecutor:
-                        broken.append(task)
-                        continue
-                    except Exception as error:  # of an engine, for a task that it has given up
-                        told = Told(f"{type(error).__name__}: {error}", False)
-                    if told.unwritable:
-                        raise OSError(told.problem)
-                    if told.problem is not None:
-                        store.note_failure(*task, told.problem)
-                    breaks = 0
-                    bar.update(1)
-                if broken:
-                    broken = sorted([*broken, *waiting.values()], key=order.__getitem__)
-                    waiting.clear()
-                    breaks += 1
-                    if breaks > _MOST_BREAKS or not pool.replace():
-                        raise RuntimeError(
-                            f"A worker died while it had one of the chunks {named(_by_scenario(broken))}: what is "
-                            f"whole in {store.path} is kept. Run the campaign again; "
-                            "executor=nj.campaign.processes(n) replaces workers that die now and then."
-                        )
-                    deaths.update(broken if len(broken) == 1 else ())
-                    if deaths[broken[0]] == _MOST_DEATHS:
-                        scenario, chunk = broken.pop()
-                        store.note_failure(scenario, chunk, f"its worker died {_MOST_DEATHS} times, as without memory")
-                        bar.update(1)
-                    todo[:0] = reversed(broken)
-            ended = True
-        finally:
-            for future in waiting:
-                future.cancel()
-            pool.close(wait=ended)
+        def take(task: Task, told: Told | Exception) -> None:
+            if isinstance(told, Told) and told.unwritable:
+                raise OSError(told.problem)
+            # an exception is that of an engine, or of its worker, for a task that it has given up
+            problem = told.problem if isinstance(told, Told) else why(told)
+            if problem is not None:
+                store.note_failure(*task, problem)
+            bar.update(1)
+
+        def died(tasks: list[Task]) -> str:
+            return (
+                f"A worker died while it had one of the chunks {named(_by_scenario(tasks))}: what is whole in "
+                f"{store.path} is kept. Run the campaign again; executor=nj.campaign.processes(n) replaces workers "
+                "that die now and then."
+            )
+
+        given = str(store.path.absolute()), store.specification.digest, store.num_chunks
+        carry_out(rounds, run_task, given, Pool(executor, threads), take, died=died)
 
     # -- what is there ----------------------------------------------------------------------------------------------
 

@@ -1,22 +1,15 @@
-"""What defines a campaign, as text: two stores with the same text hold the same numbers, run for run.
+"""What defines a campaign: all that its numbers depend on, apart from how many there are.
 
-The text is the state of all scenarios, of the truth and of the filters (see `gmwm_jax._internal.states`) as JSON, in
-the order of the fields and of the mappings; arrays stand in it with their SHA-256 and lie in the store. The size of a
-chunk is part of it, since another size is another program, whose results differ in their last bits. The number of runs
-is not: a campaign is continued.
+The size of a chunk is part of it, since another size is another program, whose results differ in their last bits. The
+number of runs is not: a campaign is continued.
 """
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-
-from gmwm_jax._internal.states import State, from_state, saved, to_state
+from gmwm_jax._internal.chunks import key_of_words
+from gmwm_jax._internal.states import saved
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 
@@ -50,110 +43,4 @@ class Definition:
     @property
     def key(self) -> Any:
         """The key of the campaign, from which each run has its own."""
-        return jax.random.wrap_key_data(jnp.array(self.key_data, jnp.uint32), impl=self.key_kind)
-
-
-@dataclass(frozen=True, eq=False)
-class Specification:
-    """A definition as it stands in a store.
-
-    Attributes
-    ----------
-    text
-        Canonical JSON.
-    arrays
-        Those that the text names.
-    """
-
-    text: str
-    arrays: Mapping[str, np.ndarray]
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the text, and so of the arrays too."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
-
-    @property
-    def tables(self) -> dict[str, tuple[str, list[int]]]:
-        """Name of an array -> its dtype and shape."""
-        return tables_of(self.text)
-
-
-def tables_of(text: str) -> dict[str, tuple[str, list[int]]]:
-    """Name of an array that a text of a specification names -> its dtype and shape."""
-    return {name: (dtype, shape) for name, (dtype, shape, _) in json.loads(text)["arrays"].items()}
-
-
-def specification_of(definition: Definition) -> Specification:
-    """Write a definition as text and arrays.
-
-    Raises
-    ------
-    ValueError
-        There is something in it from outside of the packages, which no other process could build.
-    """
-    state = to_state(definition)
-    arrays = {name: np.asarray(array, order="C") for name, array in state.arrays.items()}
-    stated = {name: [a.dtype.name, list(a.shape), _sha256(a)] for name, a in arrays.items()}
-    return Specification(_canonical({"definition": state.tree, "arrays": stated}), arrays)
-
-
-def definition_of(specification: Specification) -> Definition:
-    """Build the definition again.
-
-    Raises
-    ------
-    ValueError
-        An array is not the one that the text names.
-    """
-    stated = json.loads(specification.text)
-    for name, (_, _, digest) in stated["arrays"].items():
-        if _sha256(specification.arrays[name]) != digest:
-            raise ValueError(f"the array {name} is damaged")
-    return from_state(State(stated["definition"], specification.arrays))
-
-
-def difference(stored: str, asked: str) -> str:
-    """Name the first field in which two texts differ, and say what is in both.
-
-    Examples
-    --------
-    >>> from nav_jax.campaign.specification import difference
-    >>> a, b = ('{"definition":{"chunk_size":%d},"arrays":{}}' % size for size in (64, 32))
-    >>> difference(a, b)
-    'chunk_size is 64 in the store, and 32 in this campaign'
-    """
-    there, here = json.loads(stored), json.loads(asked)
-    found = _differing(there["definition"], here["definition"], "")
-    if found is not None:
-        where, a, b = found
-        where = "key" if where.startswith("key_") else where
-        return f"{where} is {_shown(a)} in the store, and {_shown(b)} in this campaign"
-    name = next(name for name in here["arrays"] if there["arrays"].get(name) != here["arrays"][name])
-    return f"{name} has other numbers in the store than in this campaign"
-
-
-def _differing(a: Any, b: Any, where: str) -> tuple[str, Any, Any] | None:
-    if isinstance(a, dict) and isinstance(b, dict) and list(a) == list(b):
-        pairs = [(key, a[key], b[key]) for key in a]
-    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
-        pairs = [(str(i), x, y) for i, (x, y) in enumerate(zip(a, b, strict=True))]
-    else:
-        return None if a == b else (where or "it", a, b)
-    nested = (_differing(x, y, f"{where}.{key}".lstrip(".")) for key, x, y in pairs)
-    return next((found for found in nested if found is not None), None)
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, dict):
-        return f"made of {', '.join(k for k in value if k != 'class')}"
-    text = json.dumps(value)
-    return text if len(text) < 60 else f"{text[:57]}..."
-
-
-def _canonical(tree: Any) -> str:
-    return json.dumps(tree, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-
-
-def _sha256(array: np.ndarray) -> str:
-    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
+        return key_of_words(self.key_kind, self.key_data)

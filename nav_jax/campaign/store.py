@@ -6,21 +6,20 @@ task is done again. The checksum begins with the specification and the place of 
 campaign, or of another place, is none of this one. Metadata are known beforehand: what differs from them is restored.
 """
 
-import contextlib
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmwm_jax._internal.atomic import write_atomically
+from gmwm_jax._internal.atomic import as_sentence, write_atomically
+from gmwm_jax._internal.environment import environment
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.outputs import make_folder
-from nav_jax.campaign.environment import environment
-from nav_jax.campaign.specification import Specification, difference, tables_of
+from gmwm_jax._internal.specification import Specification, difference, tables_of
 
 KIND = "nav_jax campaign"
 FORMAT = 1
@@ -92,10 +91,8 @@ class Store:
                 self.environment = former.environment
             whole = (self.path / _META).exists() and (former is None or former.num_chunks == self.num_chunks)
             if former is not None and former.text != self.specification.text:
-                raise ValueError(
-                    f"{self.path} is the store of another campaign: {difference(former.text, self.specification.text)}."
-                    " Take another store for it."
-                )
+                differs = difference(former.text, self.specification.text, "this campaign")
+                raise ValueError(f"{self.path} is the store of another campaign: {differs}. Take another store for it.")
             make_folder(self.path.absolute().parent)
             damaged = []
             for name, content in self._frame().items():
@@ -303,17 +300,3 @@ def _root_digest(num_chunks: int, environment: Mapping[str, str], text: str) -> 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
     """A chunk that is the whole of an array; Zarr wants one even of an empty one."""
     return tuple(max(n, 1) for n in shape)
-
-
-@contextlib.contextmanager
-def as_sentence(path: Path) -> Iterator[None]:
-    """Say what a system that refuses to write means for the campaign."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno is None:  # it is a sentence of ours
-            raise
-        raise OSError(
-            f"{path} cannot be written ({os.strerror(error.errno)}): what is whole in it is kept. Run the campaign "
-            "again when it can."
-        ) from error

@@ -8,12 +8,12 @@ import threading
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
-from gmwm_jax._internal.compiled import kept_if_possible
+from gmwm_jax._internal.executors import prepare_worker
+from gmwm_jax._internal.specification import Specification, definition_of
 from nav_jax.campaign.contents import contents
-from nav_jax.campaign.specification import Definition, Specification, definition_of
+from nav_jax.campaign.specification import Definition
 from nav_jax.campaign.store import Layout, Store, read_specification
 from nav_jax.filter.experiment import Setup, gains_of, run_keys
 from nav_jax.filter.timeline import Gains
@@ -54,9 +54,7 @@ def run_task(path: str, digest: str, num_chunks: int, scenario: str, chunk: int)
     scenario, chunk
         Which.
     """
-    if not jax.config.read("jax_enable_x64"):  # in a worker: the campaign itself cannot be made without
-        jax.config.update("jax_enable_x64", True)
-        kept_if_possible()
+    prepare_worker()
     try:
         bench = _bench(path, digest, scenario)
         arrays = bench.compute(chunk)

@@ -9,7 +9,7 @@ import jax
 import pytest
 
 from gmwm_jax._internal import compiled
-from nav_jax.campaign.executors import processes
+from gmwm_jax._internal.executors import processes
 
 
 @pytest.fixture

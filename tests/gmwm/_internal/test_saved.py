@@ -64,6 +64,9 @@ def results(fit):
         "bootstrap": gj.bootstrap(fit, 20, key=jax.random.key(0)),
         "joint fit": gj.fit_records(wvs, "WN + RW"),
         "joint fits": gj.fit_records([several, several], "WN"),
+        "each fit": gj.fit_each(
+            {"a": record(2000, 1), "b": record(2000, 2, ("accel_x", "gyro_y")), "c": "c.npz"}, "WN"
+        ),
         "Allan deviation": gj.allan_deviation(several),
         "goodness of fit": gj.inference.goodness_of_fit(fit),
         "regression": with_trend(),
@@ -84,6 +87,7 @@ def with_trend():
 KINDS = (
     "wavelet variance", "of several channels", "with gaps", "robust", "from a table", "fit", "fit with weights given",
     "fit with a value held", "fit at a boundary", "fits", "selection", "bootstrap", "joint fit", "joint fits",
+    "each fit",
     "Allan deviation", "goodness of fit", "regression", "robust comparison", "records compared",
     "influence", "posterior",
 )  # fmt: skip
@@ -171,11 +175,12 @@ def test_files_know_these_classes():
     assert own == [
         f"gmwm_jax.{name}"
         for name in (
-            "AbstractProcess", "AllanDeviation", "Bands", "Bootstrap", "Candidate", "Channels",
-            "Coefficients", "Composite", "Covariance", "CrossValidation", "Default", "Dwt", "Fit", "Given",
+            "AbstractProcess", "AllanDeviation", "Bands", "Bootstrap", "BootstrapSource", "Candidate", "Channels",
+            "Coefficients", "Composite", "Covariance", "CrossValidation", "Default", "Dwt", "EachBatch", "EachFit",
+            "Fit", "Given",
             "GoodnessOfFit", "Influence", "Iterated", "JointFit", "LogDensity", "MeanOfRecords", "ModelScore",
             "Modwt", "NearStationarity", "OutlierRun", "Pairs", "ParameterSpread", "Posterior",
-            "RecordComparison", "Regression",
+            "RecordComparison", "Regression", "Replicates",
             "Robust", "RobustComparison", "Selection", "StabilityDeviation", "TwoStep", "WaveletVariance",
             "WaveletVariances", "Within",
         )

@@ -11,7 +11,8 @@ from nav import campaigns
 from nav.campaigns import arrays_of, campaign, files_of
 
 import nav_jax as nj
-from nav_jax.campaign import environment, tasks
+from gmwm_jax._internal import environment
+from nav_jax.campaign import tasks
 from nav_jax.campaign.contents import EDGES
 from nav_jax.campaign.store import Store
 

@@ -14,7 +14,7 @@ def environment() -> dict[str, str]:
 
     Examples
     --------
-    >>> from nav_jax.campaign.environment import environment
+    >>> from gmwm_jax._internal.environment import environment
     >>> sorted(environment())
     ['XLA_FLAGS', 'gmwm-jax', 'jax', 'jaxlib', 'processor']
     """

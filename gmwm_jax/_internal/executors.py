@@ -1,12 +1,14 @@
-"""Who computes the tasks: anything with the interface of `concurrent.futures`."""
+"""Who computes tasks: anything with the interface of `concurrent.futures`."""
 
 import multiprocessing
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from functools import partial
 from typing import Any, TypeAlias, cast
+
+import jax
 
 from gmwm_jax._internal.checks import integer
 from gmwm_jax._internal.compiled import kept_if_possible
@@ -14,7 +16,28 @@ from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.interrupts import AbandonableExecutor
 
 Workers: TypeAlias = Any
-"""An executor, a function that makes one, or what has `get_executor`; None for threads."""
+"""An executor, a function that makes one, or what has `get_executor`; None for what the work is done by otherwise."""
+
+_WAITING = 64
+"""Tasks that are with an executor at a time."""
+
+
+class InThisThread(Executor):
+    """Calls at once, in the thread that submits: nothing is done beside it, and an interrupt comes out there."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Call a function, and say how that ended."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def threads() -> Executor:
+    """As many threads as cores, which nobody need wait for."""
+    return AbandonableExecutor(num_threads())
 
 
 class Pool:
@@ -23,7 +46,16 @@ class Pool:
     Parameters
     ----------
     workers
-        See `Campaign.run`.
+        See `Workers`.
+    otherwise
+        Makes one where there are none.
+
+    Attributes
+    ----------
+    executor
+        The present one.
+    waiting
+        Tasks that it is given before the first is awaited.
 
     Raises
     ------
@@ -31,14 +63,14 @@ class Pool:
         It is none of these.
     """
 
-    def __init__(self, workers: Workers):
+    def __init__(self, workers: Workers, otherwise: Callable[[], Executor]):
         self._make: Callable[[], Executor] | None = None
         if hasattr(workers, "get_executor"):
             self.executor: Executor = workers.get_executor()
         elif isinstance(workers, Executor):
             self.executor = workers
         else:
-            make = partial(AbandonableExecutor, num_threads()) if workers is None else workers
+            make = otherwise if workers is None else workers
             if not callable(make):
                 raise ValueError(
                     "executor= is a concurrent.futures.Executor, a function that makes one, or what has get_executor() "
@@ -46,6 +78,7 @@ class Pool:
                 )
             self._make = cast("Callable[[], Executor]", make)
             self.executor = self._make()
+        self.waiting = 1 if isinstance(self.executor, InThisThread) else _WAITING
 
     def replace(self) -> bool:
         """Take a new executor for one whose worker died; False where nobody has said how."""
@@ -75,7 +108,7 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
 
     Examples
     --------
-    >>> make = nj.campaign.processes(2)
+    >>> make = gj.inference.processes(2)
     >>> pool = make()
     >>> pool.submit(sum, [1, 2]).result()
     3
@@ -84,6 +117,13 @@ def processes(workers: int | None = None) -> Callable[[], Executor]:
     count = num_threads() if workers is None else integer("workers", workers, 1)
     spawn = multiprocessing.get_context("spawn")
     return partial(ProcessPoolExecutor, count, mp_context=spawn, initializer=_begin)
+
+
+def prepare_worker() -> None:
+    """Where nobody has done it: a worker computes in 64 bits, and what it compiles is kept."""
+    if not jax.config.read("jax_enable_x64"):
+        jax.config.update("jax_enable_x64", True)
+        kept_if_possible()
 
 
 def _begin() -> None:
