@@ -3,13 +3,16 @@
 The time loop asks for the errors of each covariance step when it comes to it. So a run of an hour needs no more memory
 than one of a minute, and filters that are compared see the same numbers because they ask for the same ones.
 
-Every state and every white part has a stream of random numbers of its own, named by channel and process. So the noise
-of a run depends neither on the other runs, nor on the aiding, nor on how long the run goes on. (The length does enter
-quantisation noise, which is drawn at once, and the place of a slice of a recording.)
+Every state and every white part has random numbers of its own, named by channel and process. So the noise of a run
+depends neither on the other runs, nor on the aiding, nor on how long the run goes on. (The length does enter
+quantisation noise, which is drawn at once, and the place of a slice of a recording.) A stream has two numbers at a
+time: one named by axis and process has one for the accelerometer and one for the gyro, whether both have that process
+or not.
 """
 
 import zlib
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -17,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Int, Key, UInt32
+from jaxtyping import Complex64, Float, Float32, Int, Key, UInt32
 
 from nav_jax.imu._counter import counter_keys, normals
 from nav_jax.imu.bank import SensorBank
@@ -109,6 +112,31 @@ class Beside(NamedTuple):
     """Of the samples, where gravity has states."""
 
 
+class Streams(NamedTuple):
+    """Of the pairs of random numbers of a few streams, those that belong to S names."""
+
+    numbers: tuple[int, ...]
+    """Of the streams."""
+    rows: tuple[int, ...]
+    """Of each name, among the first numbers of all pairs and behind them the second."""
+
+    @classmethod
+    def of(cls, names: Sequence[str]) -> "Streams":
+        """An accelerometer and a gyro with the same process on the same axis share a stream."""
+        shared = [name.removeprefix("accel ").removeprefix("gyro ") for name in names]
+        numbers = list(dict.fromkeys(_number(s) for s in shared))
+        seconds = (len(numbers) if name.startswith("gyro ") else 0 for name in names)
+        return cls(tuple(numbers), tuple(numbers.index(_number(s)) + k for s, k in zip(shared, seconds, strict=True)))
+
+    def draw(self, keys: UInt32[Array, "2 R"], t: UInt32[Array, ""]) -> Complex64[Array, "streams R"]:
+        """Number t of each stream."""
+        return normals(keys, np.array(self.numbers, dtype=np.uint32), t)
+
+    def of_names(self, pairs: Complex64[Array, "streams R"]) -> Float32[Array, "S R"]:
+        """The number of each name."""
+        return jnp.concatenate([pairs.real, pairs.imag])[np.array(self.rows)]
+
+
 class DrawnErrors(AbstractErrors):
     """Errors drawn from a model."""
 
@@ -124,7 +152,8 @@ class DrawnErrors(AbstractErrors):
     per_step: "Beside"
     per_segment: "Beside"
     """Of the sample at the end of a segment."""
-    streams: tuple[int, ...] = eqx.field(static=True)
+    streams: "Streams" = eqx.field(static=True)
+    """Of the noise of all states, and behind it the white parts."""
 
     def begin(self) -> Any:
         """States and errors of a sample, its number, and the random numbers that lead to the next."""
@@ -132,7 +161,7 @@ class DrawnErrors(AbstractErrors):
         return self.x, self.total, t, self._normals(t)
 
     def _normals(self, t: UInt32[Array, ""]) -> Array:
-        return normals(self.keys, np.array(self.streams, dtype=np.uint32), t)
+        return self.streams.draw(self.keys, t)
 
     def step(self, carry: Any, ends: Float[Array, " n"], given: Beside) -> tuple[Any, Float[Array, "n ch R"]]:
         """Draw the next samples."""
@@ -142,7 +171,7 @@ class DrawnErrors(AbstractErrors):
             end, sensed, path = inputs
             # All is made a sample ahead: a carry is computed once, and not once in every expression that uses it.
             x, errors, t, e = carry
-            noise = e.astype(x.dtype)
+            noise = self.streams.of_names(e).astype(x.dtype)
             driven = self.gain[:, None] * noise[:size] if self.bank.diagonal else self.gain @ noise[:size]
             if path is None:
                 x = self.bank.advance(x, end) + end * driven
@@ -317,8 +346,8 @@ def emulate(
     words = counter_keys(jax.vmap(lambda k: stream(k, "imu"))(keys))
     per_step, per_segment = _stateless(errors, keys, num_samples, ends)
     names = [str(state) for state in bank.states] + [f"{channel} white" for channel in CHANNELS]
-    start = np.array([_number(f"{n} start") for n in names], dtype=np.uint32)
-    deviation = normals(words, start, jnp.uint32(0)).astype(bank.initial.dtype)
+    start = Streams.of([f"{n} start" for n in names])
+    deviation = start.of_names(start.draw(words, jnp.uint32(0))).astype(bank.initial.dtype)
     size, gain, white = len(bank.states), factor(bank.driving), root(bank.white)[:, None]
     x = factor(bank.initial) @ deviation[:size]
     return DrawnErrors(
@@ -330,7 +359,7 @@ def emulate(
         keys=words,
         per_step=Beside(per_step, perfect[0], paths[0]),
         per_segment=Beside(per_segment, perfect[1], paths[1]),
-        streams=tuple(_number(n) for n in names),
+        streams=Streams.of(names),
     )
 
 

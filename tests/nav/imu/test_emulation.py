@@ -108,6 +108,18 @@ def test_quantisation_noise_is_added_and_does_not_last():
     assert_covariance(total[4, 0], total[5, 0], -2.0)
 
 
+def test_what_an_accelerometer_and_a_gyro_share_is_not_seen():
+    """The two halves of a pair of numbers: independent, squares too, and the same whoever has a process."""
+    both, one = (nj.ImuErrors(MODEL, gyro, RATE) for gyro in (MODEL, WHITE))
+    total, alone = (np.asarray(emulated(errors, keys(), 12).total) for errors in (both, one))
+    variance = 4.0 + 1.0 / (1 - 0.81)
+    for axis in range(3):
+        accel, gyro = total[11, axis], total[11, 3 + axis]
+        assert_covariance(accel, gyro, 0.0)
+        assert_covariance(accel**2, gyro**2, 0.0, mean_a=variance, mean_b=variance)
+    np.testing.assert_allclose(alone[:, :3], total[:, :3], rtol=1e-11, atol=1e-13)
+
+
 SHORT = 101
 """Samples of the two runs of the tests below."""
 
