@@ -1,6 +1,6 @@
 """What an alignment found, as a table and as numbers for a file."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,7 @@ from nav_jax.kinematics import rotation
 _ANGLES = ("roll", "pitch", "yaw")
 
 
+@runtime_checkable
 class Aligned(Protocol):
     """A start whose covariance and biases of gyros are known too."""
 
