@@ -16,6 +16,7 @@ SHORT_SHARE: dict[str, tuple[str, ...]] = {
         "08_a_real_drive",
     ),
     "gmwm/test_bootstraps_in_parts.py::test_dask_changes_no_bit": NEVER,
+    "gmwm/test_bootstraps_in_parts.py::test_kill_9_of_all_at_random_moments": NEVER,
     "gmwm/test_fit.py::test_the_mtig_model_at_a_million_samples": NEVER,
     "gmwm/test_gradients.py::test_derivatives_are_those_of_refits": ("WN", "AR1", "GM", "WN + GM", "MAT32", "SIN"),
     "gmwm/test_interval_coverage.py::test_intervals_of_theory_cover": (
