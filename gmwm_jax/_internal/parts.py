@@ -12,6 +12,7 @@ from typing import Any
 
 from gmwm_jax._internal.atomic import as_sentence
 from gmwm_jax._internal.environment import differences, environment
+from gmwm_jax._internal.outputs import make_folder
 from gmwm_jax._internal.specification import Specification, difference
 from gmwm_jax._internal.state_files import Content, NewerVersionError, read_state, write_state
 from gmwm_jax._internal.states import State
@@ -47,6 +48,8 @@ class Parts:
         with as_sentence(self.path):
             former = self._former()
             if former is None:
+                make_folder(self.path.absolute().parent)
+                self.path.mkdir(exist_ok=True)
                 self._write(_ROOT, work, State({"text": specification.text, "environment": environment()}, {}))
                 return
         if former["text"] != specification.text:
@@ -61,7 +64,10 @@ class Parts:
 
     def _former(self) -> Any:
         """What the folder says of itself; None where there is nothing, or that is damaged."""
-        if not self.path.exists() or (self.path.is_dir() and not any(self.path.iterdir())):
+        begun = f".{_ROOT}."  # work folders of a first writer that was killed, which the next one removes
+        if not self.path.exists() or (
+            self.path.is_dir() and all(work.name.startswith(begun) for work in self.path.iterdir())
+        ):
             return None
         if not (self.path.is_dir() and ((self.path / _ROOT).exists() or any(self.path.glob("*.npz")))):
             raise FileExistsError(f"{self.path} is there and is no store of a {self._work}: it stays. Choose another.")

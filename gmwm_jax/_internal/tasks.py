@@ -20,7 +20,7 @@ _MOST_DEATHS = 3
 Task = tuple[Any, ...]
 
 
-class WorkerDied(Exception):
+class WorkerDied(RuntimeError):
     """What has become of a task that takes its worker with it."""
 
 

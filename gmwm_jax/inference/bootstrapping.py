@@ -258,7 +258,7 @@ def bootstrap(
     OSError
         The store cannot be written, as where the disk is full; what is whole in it is kept.
     RuntimeError
-        Workers died, and nobody has said how to make others.
+        One chunk took three workers with it, or workers died and nobody has said how to make others.
 
     Examples
     --------

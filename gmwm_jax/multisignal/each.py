@@ -83,7 +83,8 @@ class EachFit(Mapping[str, Fit | Channels[Fit]], Saved):
     def to_pandas(self) -> "pandas.DataFrame":
         """The tables of all fits below each other, see `Fit.to_pandas`; needs the extra ``io``."""
         tables = {key: one.to_pandas() for key, one in self.singles.items()}
-        return import_pandas().concat(tables, names=["recording", "channel"])
+        pandas = import_pandas()
+        return pandas.concat(tables, names=["recording", "channel"]) if tables else pandas.DataFrame()
 
     def __repr__(self) -> str:
         """One row a channel, what failed, and the warnings of the fits."""
@@ -181,9 +182,7 @@ def fit_each(
     """
     require_x64()
     sources = _named(recordings)
-    how = EachBatch(
-        as_model(model), as_weights(weights), efficiency, confidence(level), json.dumps(dict(reading or {}))
-    )
+    how = EachBatch(as_model(model), as_weights(weights), efficiency, confidence(level), _as_json(reading or {}))
     parts = None if store is None else Parts(store, "batch of fits", specification_of(how))
     tasks = list(sources.items())
     places = {name: _place(name, source) for name, source in tasks} if parts else {}
@@ -235,6 +234,11 @@ class EachBatch(SentAsState):
     reading: str
 
 
+def _as_json(reading: Mapping[str, Any]) -> str:
+    """Numbers of NumPy and sequences of any kind as those of JSON."""
+    return json.dumps(dict(reading), default=lambda x: x.tolist() if hasattr(x, "tolist") else list(x))
+
+
 def _fit_one(how: EachBatch, name: str, source: Source) -> Fit | Channels[Fit]:
     rec = source if isinstance(source, Recording) else read_recording(source, **json.loads(how.reading))
     wv = wavelet_variance(rec, efficiency=how.efficiency)
@@ -256,6 +260,8 @@ def _named(recordings: Mapping[str, Source] | Iterable[Source]) -> dict[str, Sou
     if not named:
         raise ValueError("Give at least one recording.")
     for name, source in named.items():
+        if not isinstance(name, str):
+            raise ValueError(f"Names of recordings are texts, and one is {name!r}.")
         if not isinstance(source, str | os.PathLike | Recording):
             raise ValueError(f"{name} is a file or a Recording, and is a {type(source).__name__}.")
     # workers may be at work elsewhere

@@ -473,6 +473,8 @@ class RunSection(OfEarth):
         It rises by so many kelvin, exponentially with this time.
         """
         if self.temperature_rise is None:
+            if "temperature_time" in self.model_fields_set:
+                raise ValueError("[run]: temperature_time is that of a temperature_rise, which is not stated.")
             return None
         return -self.temperature_rise * np.expm1(-(time - time[0]) / self.temperature_time)
 

@@ -187,7 +187,7 @@ def multiples(states: tuple[SensorState, ...], sensed: Any) -> Float[Array, "M R
     if len(sensed) <= TEMPERATURE and any(s.reads == TEMPERATURE for s in states):
         raise ValueError(
             "A bias by temperature depends on the temperature, which nobody has stated: a Scenario takes the series "
-            "as temperature=..., a recorded Imu likewise."
+            "as temperature=..., a recorded Imu likewise, and [run] of a file its rise as temperature_rise."
         )
     one = jnp.ones((1, sensed.shape[1]))
     at = np.array([0 if s.reads is None else 1 + s.reads for s in states], dtype=int)

@@ -331,7 +331,9 @@ def _applied(fixes: Fixes, tuned: AbstractAiding) -> Fixes:
     C = fixes.covariance
     if C is not None:
         factor = np.asarray(tuned.believed) / np.asarray(fixes.sensor.believed)
-        C = factor[:, None] * C * factor
+        # C = L L': what `tune` scales are the components of L^-1 e, see `navigation._whitening`
+        half = np.linalg.cholesky(C) * factor
+        C = half @ half.swapaxes(-1, -2)
     return replace(fixes, sensor=eqx.tree_at(lambda s: s.believed, fixes.sensor, tuned.believed), covariance=C)
 
 

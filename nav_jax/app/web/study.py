@@ -194,6 +194,8 @@ def _filters(state: Any, models: Mapping[str, ImuErrors], caps: Caps) -> dict[st
     if not made:
         raise ValueError("There is no filter: choose one at least.")
     if len(made) > caps.filters:
+        made.pop(UNCALIBRATED, None)  # nobody asked for it
+    if len(made) > caps.filters:
         raise ValueError(f"There are {len(made)} filters, and this server compares {caps.filters}.")
     return made
 

@@ -88,11 +88,25 @@ def test_it_prints_as_a_table(units):
     assert list(fits.to_pandas().index.unique("recording")) == ["a", "b", "c"]
 
 
+def test_what_is_no_name_is_said_and_nothing_may_be_fitted(units):
+    with pytest.raises(ValueError, match="Names of recordings are texts, and one is 1"):
+        gj.fit_each({1: units["a"]}, MODEL)
+    assert gj.fit_each(["lost.csv"], MODEL).to_pandas().empty
+
+
+def test_a_store_goes_where_its_parent_is_and_on_from_a_first_write_that_was_killed(units, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("scratch") / "fits"
+    whole = gj.fit_each({"a": units["a"]}, MODEL, store=elsewhere)
+    Path("begun", ".parts.json.00000000.part").mkdir(parents=True)
+    assert_same_result(gj.fit_each({"a": units["a"]}, MODEL, store="begun"), whole)
+    assert {path.name for path in Path("begun").iterdir()} == {path.name for path in elsewhere.iterdir()}
+
+
 def test_files_are_read_as_is_said():
     for seed in (1, 2):
         x = 180 / np.pi * record(seed, ("gyro_x",)).data
         np.savetxt(f"{seed}.csv", x, header="gyro_x", comments="")
-    reading = {"rate": 100.0, "units": {"gyro": "deg/s"}}
+    reading = {"rate": np.float32(100), "units": {"gyro": "deg/s"}, "columns": range(1)}
     fits = gj.fit_each(sorted(Path().glob("*.csv")), MODEL, reading=reading, store="fits")
     assert list(fits) == ["1.csv", "2.csv"]
     again = gj.fit(gj.wavelet_variance(gj.read_recording("1.csv", rate=100.0, units={"gyro": "deg/s"})), MODEL)

@@ -380,6 +380,7 @@ WRONG = [
     ({"seed = 7": 'gains = "kalman"'}, "[run], gains: Input should be 'estimate', 'reference' or 'two-level', and it"),
     ({"seed = 7": "seed = 7\nworker = 2"}, "[run]: there is no key 'worker'; the keys are earth, gravity, num_runs"),
     ({"[run]": "[run"}, "is no TOML file"),
+    ({"seed = 7": 'temperature_time = "2 min"'}, "[run]: temperature_time is that of a temperature_rise"),
     ({"seed = 7": 'earth = "round"'}, "[run], earth: Input should be 'flat' or 'wgs84', and it is 'round'"),
     ({"seed = 7": 'earth = "wgs84"'}, "[run]: gravity is that of a flat Earth; wgs84 has its own"),
     ({"gravity = 9.8056": 'earth = "wgs84"'}, "[run]: wgs84 needs to know where positions are zero: state"),

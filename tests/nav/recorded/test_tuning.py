@@ -19,7 +19,8 @@ from nav_jax.recorded import likelihood
 from nav_jax.recorded._information import observable_parameters, standard_errors, whitening
 from nav_jax.recorded._search import Found, Objective, search
 from nav_jax.recorded.likelihood import Model, Record, loss_and_slopes
-from nav_jax.recorded.navigation import prepare_navigation
+from nav_jax.recorded.navigation import _whitening, prepare_navigation
+from nav_jax.recorded.tuning import _applied
 
 RATE = 20.0
 SECONDS = 200.0
@@ -168,6 +169,16 @@ def test_what_receivers_say_of_themselves_is_corrected(record):
     assert again.loss_start == pytest.approx(found.loss, rel=1e-9)
     with pytest.raises(ValueError, match="tuning is of gnss_position, gnss_velocity, and the fixes are of gnss_vel"):
         found.applied([same])
+
+
+def test_factors_of_correlated_fixes_are_those_that_were_tuned():
+    """What takes fixes to the scalars of the filter stays, while these have other standard deviations."""
+    told = np.array([[1.0, 0.3, 0.8], [0.3, 1.5, 0.2], [0.8, 0.2, 2.0]]) * 0.04
+    fixes = nj.Fixes(nj.GnssPosition(horizontal=0.2, vertical=0.3), [1.0, 2.0], np.zeros((2, 3)), np.stack([told] * 2))
+    tuned = nj.GnssPosition(horizontal=0.4, vertical=0.3)
+    found = _applied(fixes, tuned)
+    np.testing.assert_allclose(_whitening(found), _whitening(fixes), rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(found.sensor.believed, tuned.believed)
 
 
 @pytest.mark.slow

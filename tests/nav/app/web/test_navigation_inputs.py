@@ -107,6 +107,8 @@ def test_what_a_calibration_leaves_is_switched_on():
     assert (without.deterministic, without.gravity) == ((), None)
     assert repr(without.models) == repr(found.truth.linear.models)
     assert found.scenario.temperature[-1] == pytest.approx(20 * (1 - np.exp(-1)))  # 300 s, as its time constant
+    full = tables_of(NavigationState.from_query(TEXT | UNIT), {}, study.Caps(filters=1))
+    assert list(full["filters"]) == [RIGHT]  # the one beside is left out before a server refuses
     alone = config(NavigationState.from_query(TEXT | UNIT | {"nav_uncalibrated": False}))
     assert list(alone.filters) == [RIGHT]
     assert list(config(NavigationState.from_query(TEXT)).filters) == [RIGHT]
