@@ -38,13 +38,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         record = Path(folder) / "record.npz"
         out = Path(folder) / "out"
-        for part in ("gmwm", "nav"):
-            (out / part).mkdir(parents=True)
+        out.mkdir()
         samples = "20000" if report.quick else "1000000"
         commands = {
             "gmwm-jax fit": ("-m", "gmwm_jax", "fit", record, "--model", "WN + RW + 2*GM"),
-            "gmwm-jax demo": ("-m", "gmwm_jax", "demo", "--out", out / "gmwm", "--samples", samples),
-            "nav-jax demo": ("-m", "nav_jax", "demo", "--out", out / "nav"),
+            "gmwm-jax demo": ("-m", "gmwm_jax", "demo", "--out", out, "--samples", samples),
+            "nav-jax demo": ("-m", "nav_jax", "demo", "--fits", out, "--out", out),
         }
         save = "import gmwm_jax as gj; gj.save_recording(gj.datasets.simulated('mti-g', 100_000, channels=['gyro_x']), "
         enable = "import jax; jax.config.update('jax_enable_x64', True); "

@@ -18,8 +18,10 @@ _OF_RECEIVERS = ("lever_arm", "averaged")
 """Keys of a receiver that hold unless [align] has them."""
 
 
-def align_file(path: str | os.PathLike[str]) -> StartAtRest | StartOnTheMove:
+def align_file(path: str | os.PathLike[str]) -> tuple[StartAtRest | StartOnTheMove, list[str]]:
     """Align by a configuration, of which [record], [align], [[aiding]] and the Earth of [run] are read.
+
+    Beside the start are lines that a reader of it should know.
 
     Raises
     ------
@@ -29,7 +31,7 @@ def align_file(path: str | os.PathLike[str]) -> StartAtRest | StartOnTheMove:
     return from_toml(Path(path), _aligned)
 
 
-def _aligned(tables: Mapping[str, Any], folder: Path) -> StartAtRest | StartOnTheMove:
+def _aligned(tables: Mapping[str, Any], folder: Path) -> tuple[StartAtRest | StartOnTheMove, list[str]]:
     check_sections(tables, SECTIONS, ("record", "align"))
     run = checked(RecordRunSection, tables.get("run", {}), "[run]")
     asked = checked(AlignSection, tables["align"], "[align]")
@@ -48,5 +50,7 @@ def _aligned(tables: Mapping[str, Any], folder: Path) -> StartAtRest | StartOnTh
     origin = np.array(record.origin) if record.origin is not None else None if gnss is None else gnss.origin
     with place("[run]"):
         earth = run.build_earth(origin, "[record]")
+    with place("[record]"):
+        imu, notes = record.placed(imu, gnss, float(receiver.get("averaged", 0.0)), earth)
     with place("[align]"):
-        return aligned(asked, imu, gnss, receiver, record.position, earth)
+        return aligned(asked, imu, gnss, receiver, record.position, earth), notes

@@ -325,7 +325,7 @@ def align(config: Record, out: Out = None, json_file: Json = None) -> None:
     from nav_jax.app.alignment_file import align_file
     from nav_jax.app.reports import alignment_report
 
-    _give(alignment_report(align_file(config)), json_file, out, plot=False)
+    _give(alignment_report(*align_file(config)), json_file, out, plot=False)
 
 
 Gate = Annotated[

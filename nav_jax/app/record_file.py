@@ -22,7 +22,7 @@ from gmwm_jax._internal.tabular import open_source
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractReceiver, Gnss, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
-from nav_jax.app.record_start import Begun, Stated, begun
+from nav_jax.app.record_start import Begun, Stated, averaged_by, begun, gravity_at
 from nav_jax.app.sections import (
     AIDING,
     Aiding,
@@ -43,13 +43,14 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.imu.vibration import VibrationNoise
 from nav_jax.kinematics.earth import AbstractEarth
-from nav_jax.recorded.alignment import between, mounted, turned
+from nav_jax.recorded.alignment import between
 from nav_jax.recorded.files import read_fixes, read_imu, read_samples
 from nav_jax.recorded.gnss.reading import read_gnss
 from nav_jax.recorded.gnss.record import GnssRecord
 from nav_jax.recorded.gnss.registry import FORMATS
 from nav_jax.recorded.inspection import Inspection, inspect_record
 from nav_jax.recorded.motion_noise import NoiseInMotion, noise_in_motion
+from nav_jax.recorded.mounting import find_mounting, mounted, turned
 from nav_jax.recorded.navigation import Navigation, navigate
 from nav_jax.recorded.outages import Intervals
 from nav_jax.recorded.study import OutageStudy, outage_study
@@ -80,6 +81,7 @@ Three = Field(strict=False)
 class RecordSection(Section):
     """``imu = ...``: arguments of `read_imu`, how the IMU is mounted, and where and when the record starts.
 
+    ``mounting = "find"`` lets the drive tell it, see `find_mounting`; without it the samples are along the body.
     Without an attitude the record starts when the vehicle is fast enough that its course tells it, with position and
     velocity of the fixes.
     """
@@ -98,7 +100,7 @@ class RecordSection(Section):
     header: int | None = None
     variable: str | None = None
     max_bytes: int | str | None = None
-    mounting: Annotated[tuple[Angle, Angle, Angle], Three] | None = None
+    mounting: Literal["find"] | Annotated[tuple[Angle, Angle, Angle], Three] | None = None
     start: Time | None = None
     end: Time | None = None
     time_offset: Time = 0.0
@@ -114,21 +116,39 @@ class RecordSection(Section):
         return Stated(self.position, self.velocity, self.attitude, self.course_speed)
 
     def build(self, folder: Path) -> Imu:
-        """Along the axes of the body, from start to end."""
+        """From start to end, along the axes of the body, or those of the IMU if its mounting is to be found."""
         if self.attitude is not None and self.course_speed is not None:
             raise ValueError("course_speed is for a start without an attitude, and there is one.")
         if self.attitude is not None and self.velocity is None:
             raise ValueError("With an attitude there must be a velocity; without both, the fixes tell them.")
         how = {k: getattr(self, k) for k in _IMU_READ if k in self.model_fields_set}
         imu = read_imu(folder / self.imu, **how)
-        imu = imu if self.mounting is None else mounted(imu, self.mounting)
+        imu = mounted(imu, self.mounting) if isinstance(self.mounting, tuple) else imu
         return imu if self.start is None and self.end is None else between(imu, self.start, self.end)
 
+    def placed(self, imu: Imu, gnss: GnssRecord | None, averaged: float, earth: AbstractEarth) -> tuple[Imu, list[str]]:
+        """The samples along the axes of the body, also where the mounting is to be found, and what was found.
+
+        Raises
+        ------
+        ValueError
+            See `find_mounting`; no fixes to find it by.
+        """
+        if self.mounting != "find":
+            return imu, []
+        if gnss is None:
+            raise ValueError('mounting = "find" needs the file of a GNSS receiver in [[aiding]], and there is none.')
+        found = find_mounting(imu, gnss, averaged=averaged, gravity=gravity_at(earth, gnss))
+        said = ", ".join(f"{x:.2f}" for x in np.rad2deg(found.euler))
+        sd = ", ".join(f"{x:.2g}" for x in np.rad2deg(found.sd))
+        note = f"Mounting found by the drive: roll, pitch, yaw {said} deg; sd about front, right, down {sd} deg."
+        return mounted(imu, found.euler), [note]
+
     def as_recorded(self, folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As they were recorded, along the axes of the body."""
+        """As they were recorded, along the axes of the body, or those of the IMU if its mounting is to be found."""
         how = {k: getattr(self, k) for k in _IMU_READ if k not in _OF_SAMPLES and k in self.model_fields_set}
         time, gyro, accel = read_samples(folder / self.imu, **how)
-        if self.mounting is not None:
+        if isinstance(self.mounting, tuple):
             gyro, accel = (turned(x, self.mounting) for x in (gyro, accel))
         inside = np.ones(len(time), dtype=bool)
         inside &= time >= (-np.inf if self.start is None else self.start)
@@ -408,6 +428,9 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
     read = _Fixes(record, listed, folder)
     with place("[run]"):
         earth = run.build_earth(read.origin, "[record]")
+    first = next((r for r in read.records if r is not None), None)
+    with place("[record]"):
+        imu, told = record.placed(imu, first, averaged_by(read.fixes), earth)
     with place("[initial]"):
         sure = _sure(start, asked)
     with place("[align]" if start.align else "[record]"):
@@ -420,7 +443,7 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
     utc = next((r.utc for r in read.records if r is not None and r.utc is not None), None)
     return RecordConfig(
         begin.imu, fixes, known, begin.start.position, begin.start.velocity, begin.start.quaternion, begin.initial,
-        earth, reference, read.origin, utc, (*begin.notes, *notes), run, output,
+        earth, reference, read.origin, utc, (*told, *begin.notes, *notes), run, output,
     )  # fmt: skip
 
 

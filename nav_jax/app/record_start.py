@@ -96,9 +96,7 @@ def begun(
         if stated.attitude is not None or stated.velocity is not None:
             raise ValueError("[initial] has align = true, and [record] an attitude or velocity: leave one out.")
         arm = _arm(fixes)
-        ages = (getattr(f.sensor, "averaged", 0.0) for f in fixes)
-        averaged = next((age for age in ages if age), 0.0)
-        receiver = {"lever_arm": arm, "averaged": averaged}
+        receiver = {"lever_arm": arm, "averaged": averaged_by(fixes)}
         return _of_alignment(aligned(sure, imu, gnss, receiver, stated.position, earth, ends=True), imu, arm, stated)
     if stated.attitude is not None and stated.velocity is not None:
         quaternion = np.asarray(rotation.quat_from_euler(np.array(stated.attitude)))
@@ -110,9 +108,7 @@ def begun(
             "the vehicle heads."
         )
     speed = {} if stated.course_speed is None else {"speed": stated.course_speed}
-    # gravity where the first fix is
-    gravity = float(np.linalg.norm(earth.gravity_n(jnp.asarray(gnss.position[:1].T))))
-    begin = align_by_course(imu, gnss, gravity=gravity, **speed)
+    begin = align_by_course(imu, gnss, gravity=gravity_at(earth, gnss), **speed)
     velocity = begin.velocity if stated.velocity is None else np.array(stated.velocity)
     begin = _of_imu(replace(begin, velocity=velocity), _arm(fixes), stated)
     return Begun(between(imu, begin.time), begin, sure)
@@ -182,6 +178,17 @@ def _of_alignment(found: StartAtRest | StartOnTheMove, imu: Imu, arm: Any, state
     if not moving:
         start = _of_imu(start, arm, stated)
     return Begun(rest, start, found.initial, found.time if moving else None, tuple(notes))
+
+
+def gravity_at(earth: AbstractEarth, gnss: GnssRecord) -> float:
+    """Where the first fix is, m/s^2."""
+    return float(np.linalg.norm(earth.gravity_n(jnp.asarray(gnss.position[:1].T))))
+
+
+def averaged_by(fixes: Sequence[Fixes]) -> float:
+    """Seconds over which the first receiver that says so averages its velocities, or 0."""
+    ages = (getattr(f.sensor, "averaged", 0.0) for f in fixes)
+    return next((float(age) for age in ages if age), 0.0)
 
 
 def _arm(fixes: Sequence[Fixes]) -> Any:

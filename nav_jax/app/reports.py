@@ -262,9 +262,9 @@ def inspection_report(inspection: Inspection) -> Report:
     return Report("inspection", repr(inspection), inspection.to_dict(), {"inspection.png": inspection.plot})
 
 
-def alignment_report(start: StartAtRest | StartOnTheMove) -> Report:
+def alignment_report(start: StartAtRest | StartOnTheMove, notes: Sequence[str]) -> Report:
     """The attitude at a start, and the rest of it."""
-    return Report("alignment", repr(start), start.to_dict(), {})
+    return Report("alignment", "\n".join([*notes, repr(start)]), start.to_dict() | {"notes": list(notes)}, {})
 
 
 def navigation_report(name: str, navigation: Navigation, notes: Sequence[str]) -> Report:

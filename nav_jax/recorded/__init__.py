@@ -59,7 +59,6 @@ the factors for ``vibration``, with intervals.
 
 from nav_jax.recorded.alignment import align_by_course as align_by_course
 from nav_jax.recorded.alignment import between as between
-from nav_jax.recorded.alignment import mounted as mounted
 from nav_jax.recorded.at_rest import StartAtRest as StartAtRest
 from nav_jax.recorded.at_rest import align_at_rest as align_at_rest
 from nav_jax.recorded.clocks import clock_offsets as clock_offsets
@@ -75,6 +74,9 @@ from nav_jax.recorded.inspection import inspect_record as inspect_record
 from nav_jax.recorded.likelihood import innovation_loss as innovation_loss
 from nav_jax.recorded.motion_noise import NoiseInMotion as NoiseInMotion
 from nav_jax.recorded.motion_noise import noise_in_motion as noise_in_motion
+from nav_jax.recorded.mounting import Mounting as Mounting
+from nav_jax.recorded.mounting import find_mounting as find_mounting
+from nav_jax.recorded.mounting import mounted as mounted
 from nav_jax.recorded.navigation import Navigation as Navigation
 from nav_jax.recorded.navigation import navigate as navigate
 from nav_jax.recorded.on_the_move import StartOnTheMove as StartOnTheMove

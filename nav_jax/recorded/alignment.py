@@ -1,13 +1,12 @@
-"""Where a recorded drive starts: mounting of the IMU, and position, velocity and attitude from the fixes."""
+"""Where a recorded drive starts: position, velocity and attitude from the fixes."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
-from gmwm_jax._internal.checks import number, real_array
+from gmwm_jax._internal.checks import number
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.imu.imu import Imu
@@ -19,40 +18,6 @@ _WINDOW = 0.5
 
 _COURSE_SPEED = 2.0
 """m/s, from which a velocity tells where a vehicle heads."""
-
-
-def mounted(imu: Imu, euler: Any) -> Imu:
-    """The samples along the axes of the body, from those along the axes of an IMU that is mounted otherwise.
-
-    Parameters
-    ----------
-    imu
-        Along its own axes.
-    euler
-        Roll, pitch, yaw in rad of the axes of the IMU in those of the body, as those of a body in n: (pi, 0, 0) is an
-        IMU upside down.
-
-    Raises
-    ------
-    ValueError
-        Angles beyond 2 pi, which are in deg.
-
-    Examples
-    --------
-    >>> samples, _ = nj.perfect_imu(nj.motions.static(duration=2.0, rate=20.0))
-    >>> nj.recorded.mounted(samples, (np.pi, 0.0, 0.0)).accel[0].round(5).tolist()
-    [0.0, 0.0, 9.80665]
-    """
-    return replace(imu, gyro=turned(imu.gyro, euler), accel=turned(imu.accel, euler))
-
-
-def turned(vectors: Float64[np.ndarray, "N 3"], euler: Any) -> Float64[np.ndarray, "N 3"]:
-    """Vectors along the axes of the body, from those along axes that have this roll, pitch and yaw in it."""
-    angles = real_array("The mounting (roll, pitch, yaw)", euler, (3,))
-    if np.abs(angles).max() > 2 * np.pi:
-        raise ValueError(f"The mounting is roll, pitch, yaw in rad, and is {angles.tolist()}: np.deg2rad converts deg.")
-    q = rotation.quat_from_euler(jnp.asarray(angles)[:, None])
-    return np.asarray(rotation.rotate(q, jnp.asarray(vectors.T))).T
 
 
 def between(imu: Imu, start: float | None = None, end: float | None = None) -> Imu:

@@ -1,6 +1,6 @@
 """What is in a record, on one page: rates, gaps, rest, gravity, the attitude at the start, clocks that are apart."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,10 +11,12 @@ from gmwm_jax._internal.checks import increasing, real_array
 from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import Real
+from gmwm_jax.units import STANDARD_GRAVITY
 from nav_jax.kinematics.wgs84 import normal_gravity
 from nav_jax.recorded.alignment import velocities
 from nav_jax.recorded.clocks import Offset, clock_offsets
 from nav_jax.recorded.gnss.record import GnssRecord
+from nav_jax.recorded.mounting import Mounting, mounting_by
 
 _GAP = 1.5
 """Steps in one from which on samples or fixes are missing."""
@@ -114,6 +116,8 @@ class Inspection(Drawable):
         Of the clocks, by several signals.
     qualities
         Number of fixes of each quality.
+    mounting
+        Of the IMU, taken for one of a vehicle on wheels, see `find_mounting`; or in words why there is none.
     series
         For figures: name -> times and values.
     """
@@ -125,6 +129,7 @@ class Inspection(Drawable):
     course: tuple[float, float, float] | None
     offsets: tuple[Offset, ...]
     qualities: Mapping[str, int]
+    mounting: Mounting | str = "there are no fixes"
     series: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @property
@@ -134,16 +139,7 @@ class Inspection(Drawable):
         The mean over the signals that tell it, by their standard errors; a source of which none does has no entry.
         Where the signals disagree, its standard error is as much larger as they do (Birge 1932).
         """
-        found = {}
-        for source in dict.fromkeys(o.fixes for o in self.offsets):
-            told = [o for o in self.offsets if o.fixes == source and _is_told(o)]
-            if told:
-                weights = np.array([1 / max(o.se, 1e-6) ** 2 for o in told])
-                values = np.array([o.value for o in told])
-                value = np.sum(weights * values) / weights.sum()
-                misfit = np.sum(weights * (values - value) ** 2) / max(len(told) - 1, 1)
-                found[source] = (float(value), float(np.sqrt(max(misfit, 1.0) / weights.sum())))
-        return found
+        return _agreed(self.offsets)
 
     def to_dict(self) -> dict[str, Any]:
         """What it says, as numbers and texts."""
@@ -162,6 +158,7 @@ class Inspection(Drawable):
                 {"fixes": o.fixes, "signal": o.signal, "offset": o.value, "se": o.se, "correlation": o.best}
                 for o in self.offsets
             ],
+            "mounting": self.mounting.to_dict() if isinstance(self.mounting, Mounting) else None,
         }  # fmt: skip
 
     def __repr__(self) -> str:
@@ -190,6 +187,9 @@ class Inspection(Drawable):
             lines += ["", "To be added to the times of the fixes (time_offset, beyond what a configuration states)"]
             lines.append(format_table(head, rows, left=2))
             lines += [f"{source}: {value:.3f} +- {se:.3f} s" for source, (value, se) in self.time_offsets.items()]
+        if self.fixes is not None:
+            found = isinstance(self.mounting, Mounting)
+            lines += ["", f"{self.mounting}\nif it is that of a vehicle on wheels." if found else self.mounting]
         return "\n".join(lines)
 
     def _rest_lines(self) -> list[str]:
@@ -250,7 +250,7 @@ def inspect_record(
     sizes = {"specific force": f, "turn rate": w}
     series = {name: _windows(t, np.linalg.norm(x, axis=1)) for name, x in sizes.items()}
     if fixes is None:
-        return Inspection(imu, None, _rests(t, w, f, None), None, None, (), {}, series)
+        return Inspection(imu, None, _rests(t, w, f, None), None, None, (), {}, series=series)
     increasing("The time of the fixes", fixes.time)
     offsets = tuple(clock_offsets(t, w, f, fixes, most=most_offset))
     told = [o for o in offsets if _is_told(o)]
@@ -269,7 +269,32 @@ def inspect_record(
             qualities[f"{q} ({fixes.kinds.get(int(q), 'unknown')})"] = int(n)
     gravity = None if fixes.origin is None else float(normal_gravity(np.sin(fixes.origin[0]) ** 2, fixes.origin[2]))
     rests = _rests(t, w, f, (at + shift, speed))
-    return Inspection(imu, _stamps(fixes.time), rests, gravity, course, offsets, qualities, series)
+    ahead, _ = _agreed(offsets).get("positions" if fixes.velocity is None else "velocities", (0.0, 0.0))
+    mounting = _mounting(t, w, f, fixes.shifted(ahead), gravity)
+    return Inspection(imu, _stamps(fixes.time), rests, gravity, course, offsets, qualities, mounting, series)
+
+
+def _agreed(offsets: Sequence[Offset]) -> dict[str, tuple[float, float]]:
+    found = {}
+    for source in dict.fromkeys(o.fixes for o in offsets):
+        told = [o for o in offsets if o.fixes == source and _is_told(o)]
+        if told:
+            weights = np.array([1 / max(o.se, 1e-6) ** 2 for o in told])
+            values = np.array([o.value for o in told])
+            value = np.sum(weights * values) / weights.sum()
+            misfit = np.sum(weights * (values - value) ** 2) / max(len(told) - 1, 1)
+            found[source] = (float(value), float(np.sqrt(max(misfit, 1.0) / weights.sum())))
+    return found
+
+
+def _mounting(t: np.ndarray, w: np.ndarray, f: np.ndarray, fixes: GnssRecord, gravity: float | None) -> Mounting | str:
+    """A sample holds until the next."""
+    steps = np.diff(t)[:, None]
+    there = STANDARD_GRAVITY if gravity is None else gravity
+    try:
+        return mounting_by(t, steps * w[:-1], steps * f[:-1], fixes, gravity=there)
+    except ValueError as e:
+        return str(e)
 
 
 def _is_told(offset: Offset) -> bool:
