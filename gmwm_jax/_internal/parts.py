@@ -13,7 +13,7 @@ from typing import Any
 from gmwm_jax._internal.atomic import as_sentence
 from gmwm_jax._internal.environment import differences, environment
 from gmwm_jax._internal.outputs import make_folder
-from gmwm_jax._internal.specification import Specification, difference
+from gmwm_jax._internal.specification import Specification, require_same
 from gmwm_jax._internal.state_files import Content, NewerVersionError, read_state, write_state
 from gmwm_jax._internal.states import State
 
@@ -38,7 +38,8 @@ class Parts:
     FileExistsError
         There is something else at the path.
     ValueError
-        It is of another piece of work, whose first field that differs is named, or of a newer version.
+        It is of another piece of work, whose first field that differs is named, has other numbers, or is of a newer
+        version.
     OSError
         It cannot be written.
     """
@@ -52,9 +53,7 @@ class Parts:
                 self.path.mkdir(exist_ok=True)
                 self._write(_ROOT, work, State({"text": specification.text, "environment": environment()}, {}))
                 return
-        if former["text"] != specification.text:
-            differs = difference(former["text"], specification.text, f"this {work}")
-            raise ValueError(f"{path} is the store of another {work}: {differs}. Take another store for it.")
+        require_same(path, work, former["text"], specification.text)
         if differing := differences(former["environment"], environment()):
             warnings.warn(
                 f"{path} was begun elsewhere ({differing}): new parts agree with those that are there to rounding, not "

@@ -1,11 +1,14 @@
 """What defines a piece of work, as text: two stores with the same text hold the same numbers, part by part.
 
 The text is the state of an object of a registered class (see `gmwm_jax._internal.states`) as JSON, in the order of the
-fields and of the mappings; arrays stand in it with their SHA-256.
+fields and of the mappings; arrays stand in it with their SHA-256. Beside the definition it has the version of the
+numbers that the packages make of it, which whoever changes those raises: a store that was begun with others is read,
+and not continued.
 """
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -46,8 +49,15 @@ def tables_of(text: str) -> dict[str, tuple[str, list[int]]]:
     return {name: (dtype, shape) for name, (dtype, shape, _) in json.loads(text)["arrays"].items()}
 
 
-def specification_of(definition: Any) -> Specification:
+def specification_of(definition: Any, numbers: int) -> Specification:
     """Write a definition as text and arrays.
+
+    Parameters
+    ----------
+    definition
+        An object of a registered class.
+    numbers
+        Version of the numbers that are made of it.
 
     Raises
     ------
@@ -57,7 +67,7 @@ def specification_of(definition: Any) -> Specification:
     state = to_state(definition)
     arrays = {name: np.asarray(array, order="C") for name, array in state.arrays.items()}
     stated = {name: [a.dtype.name, list(a.shape), _sha256(a)] for name, a in arrays.items()}
-    return Specification(_canonical({"definition": state.tree, "arrays": stated}), arrays)
+    return Specification(_canonical({"numbers": numbers, "definition": state.tree, "arrays": stated}), arrays)
 
 
 def definition_of(specification: Specification) -> Any:
@@ -73,6 +83,44 @@ def definition_of(specification: Specification) -> Any:
         if _sha256(specification.arrays[name]) != digest:
             raise ValueError(f"the array {name} is damaged")
     return from_state(State(stated["definition"], specification.arrays))
+
+
+def require_same(path: str | os.PathLike, work: str, stored: str, asked: str) -> None:
+    """Raise a ValueError that names the field in which the text of a store is another one than that of the work.
+
+    Parameters
+    ----------
+    path
+        Of the store.
+    work
+        What it is, as messages call it.
+    stored, asked
+        The texts.
+    """
+    if stored == asked:
+        return
+    require_numbers(path, stored, json.loads(asked)["numbers"])
+    differs = difference(stored, asked, f"this {work}")
+    raise ValueError(f"{path} is the store of another {work}: {differs}. Take another store for it.")
+
+
+def require_numbers(path: str | os.PathLike, stored: str, numbers: int) -> None:
+    """Raise a ValueError where the text of a store has another version of the numbers than this one, or none.
+
+    Examples
+    --------
+    >>> from gmwm_jax._internal.specification import require_numbers
+    >>> require_numbers("a.zarr", '{"definition":{},"arrays":{}}', 2)
+    Traceback (most recent call last):
+    ValueError: a.zarr was begun with other numbers than those of this version of gmwm-jax (numbers is not stated in ...
+    """
+    former = json.loads(stored).get("numbers")
+    if former != numbers:
+        raise ValueError(
+            f"{path} was begun with other numbers than those of this version of gmwm-jax (numbers is "
+            f"{'not stated' if former is None else former} in the store, and {numbers} here): begin anew in another "
+            "store, or go on with the version that began this one."
+        )
 
 
 def difference(stored: str, asked: str, of: str) -> str:

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 RECORDS, VARIANCES = "records", "variances"
 CHUNK = 64
 """Replicates drawn and estimated at once, between two looks at the keyboard."""
+NUMBERS = 1
+"""Version of the replicates of a key: who draws or estimates them otherwise raises it, and no store has two kinds."""
 
 
 @saved(not_finite=("variances", "values", "objective"))
@@ -290,7 +292,7 @@ def bootstrap(
         most += min(CHUNK, num_replicates) * bytes_of_draw(fit.model, fit.wv.num_samples or 0)
     require_memory(most, f"{num_replicates} replicates", "ask for fewer (num_replicates)")
     source = BootstrapSource(fit, route, *words_of_key(key), CHUNK)
-    parts = None if store is None else Parts(store, "bootstrap", specification_of(source))
+    parts = None if store is None else Parts(store, "bootstrap", specification_of(source, NUMBERS))
     # of a chunk in a store all replicates are there, for who continues with more
     last = num_replicates if parts is None else -(-num_replicates // CHUNK) * CHUNK
     tasks = [(first, min(first + CHUNK, last)) for first in range(0, num_replicates, CHUNK)]

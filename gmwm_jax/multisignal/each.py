@@ -34,6 +34,9 @@ from gmwm_jax.variance.wavelet import wavelet_variance
 if TYPE_CHECKING:
     import pandas
 
+NUMBERS = 1
+"""Version of the fits: who changes what comes out of a recording raises it, and no store has two kinds."""
+
 Source: TypeAlias = str | os.PathLike[str] | Recording
 
 
@@ -183,7 +186,7 @@ def fit_each(
     require_x64()
     sources = _named(recordings)
     how = EachBatch(as_model(model), as_weights(weights), efficiency, confidence(level), _as_json(reading or {}))
-    parts = None if store is None else Parts(store, "batch of fits", specification_of(how))
+    parts = None if store is None else Parts(store, "batch of fits", specification_of(how, NUMBERS))
     tasks = list(sources.items())
     places = {name: _place(name, source) for name, source in tasks} if parts else {}
     done: dict[str, Fit | Channels[Fit]] = {}

@@ -21,12 +21,18 @@ from gmwm_jax._internal.cores import num_threads
 from gmwm_jax._internal.environment import differences, environment
 from gmwm_jax._internal.executors import Pool, Workers, threads
 from gmwm_jax._internal.progress import Bar, Progress, progress_bar
-from gmwm_jax._internal.specification import Specification, definition_of, difference, specification_of
+from gmwm_jax._internal.specification import (
+    Specification,
+    definition_of,
+    difference,
+    require_numbers,
+    specification_of,
+)
 from gmwm_jax._internal.tasks import carry_out, why
 from nav_jax.campaign.contents import KEEPS
 from nav_jax.campaign.looks import Looks
 from nav_jax.campaign.results import CampaignStatus, Cost, Statistics, named
-from nav_jax.campaign.specification import Definition
+from nav_jax.campaign.specification import NUMBERS, Definition
 from nav_jax.campaign.store import Store, read_root, read_specification
 from nav_jax.campaign.tasks import Told, bench_of, run_task
 from nav_jax.filter.experiment import GAINS, check_rates, named_filters
@@ -127,7 +133,7 @@ class Campaign:
                 raise ValueError(f"{what} is one of {', '.join(known)}, and is {value!r}.")
         size = integer("chunk_size", chunk_size, 1)
         key_words = words_of_key(key)
-        self._define(specification_of(Definition(scenarios, truth, filters, *key_words, size, keep, gains)))
+        self._define(specification_of(Definition(scenarios, truth, filters, *key_words, size, keep, gains), NUMBERS))
         self._num_chunks = -(-integer("num_runs", num_runs, 1) // size)
 
     def _define(self, specification: Specification) -> None:
@@ -138,6 +144,8 @@ class Campaign:
     @classmethod
     def open(cls, store: str | os.PathLike) -> "Campaign":
         """Build the campaign that a store is of, with as many runs as it is to have.
+
+        One that was begun by a version with other random numbers can be read, and is not continued.
 
         Raises
         ------
@@ -166,7 +174,8 @@ class Campaign:
         Raises
         ------
         FileNotFoundError, ValueError
-            There is none, one is damaged or of another campaign.
+            There is none, one is damaged, of another campaign, or was begun with other random numbers than those of
+            this version.
         """
         if not stores:
             raise ValueError("Give at least one store to merge.")
@@ -174,6 +183,7 @@ class Campaign:
         merged = cls.open(stores[0])
         for path, other in zip(stores, known, strict=True):
             texts = other._specification.text, merged._specification.text
+            require_numbers(path, texts[0], NUMBERS)
             if texts[0] != texts[1]:
                 raise ValueError(
                     f"{path} is the store of another campaign than {stores[0]}: {difference(*texts, 'that one')}."
@@ -283,7 +293,8 @@ class Campaign:
         Raises
         ------
         ValueError
-            The store is of another campaign: the message names the field that differs. Some of the chunks are wanted
+            The store is of another campaign: the message names the field that differs. It was begun by a version with
+            other random numbers. Some of the chunks are wanted
             and a rule, which looks at all; a rule that compares filters, and one filter.
         FileExistsError
             There is something else at the path.
@@ -295,6 +306,7 @@ class Campaign:
         rule = rule_of(stop, len(self.filters))
         if rule is not None and chunks is not None:
             raise ValueError("A rule looks at all chunks in their order: leave either stop or chunks out.")
+        require_numbers(self._path or store, self._specification.text, NUMBERS)
         target = self._open_store(Path(store))
         if differing := differences(target.environment, environment()):
             warnings.warn(

@@ -13,6 +13,10 @@ from gmwm_jax._internal.states import saved
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 
+NUMBERS = 2
+"""Version of the numbers that a definition stands for. Who changes what the runs of a key are, be it the random numbers
+(`nav_jax.imu._counter`), what they are for or what is made of them, raises it: no store has numbers of two kinds."""
+
 
 @saved()
 @dataclass(frozen=True, eq=False)

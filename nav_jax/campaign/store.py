@@ -19,7 +19,7 @@ from gmwm_jax._internal.atomic import as_sentence, write_atomically
 from gmwm_jax._internal.environment import environment
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.outputs import make_folder
-from gmwm_jax._internal.specification import Specification, difference, tables_of
+from gmwm_jax._internal.specification import Specification, require_same, tables_of
 
 KIND = "nav_jax campaign"
 FORMAT = 1
@@ -90,9 +90,8 @@ class Store:
             if former is not None:
                 self.environment = former.environment
             whole = (self.path / _META).exists() and (former is None or former.num_chunks == self.num_chunks)
-            if former is not None and former.text != self.specification.text:
-                differs = difference(former.text, self.specification.text, "this campaign")
-                raise ValueError(f"{self.path} is the store of another campaign: {differs}. Take another store for it.")
+            if former is not None:
+                require_same(self.path, "campaign", former.text, self.specification.text)
             make_folder(self.path.absolute().parent)
             damaged = []
             for name, content in self._frame().items():

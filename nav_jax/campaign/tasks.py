@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gmwm_jax._internal.executors import prepare_worker
-from gmwm_jax._internal.specification import Specification, definition_of
+from gmwm_jax._internal.specification import Specification, definition_of, require_numbers
 from nav_jax.campaign.contents import contents
-from nav_jax.campaign.specification import Definition
+from nav_jax.campaign.specification import NUMBERS, Definition
 from nav_jax.campaign.store import Layout, Store, read_specification
 from nav_jax.filter.experiment import Setup, gains_of, run_keys
 from nav_jax.filter.timeline import Gains
@@ -154,4 +154,5 @@ def _bench(path: str, digest: str, scenario: str) -> Bench:
         specification, _ = read_specification(path)
         if specification.digest != digest:
             raise ValueError(f"{path} has become the store of another campaign")
+        require_numbers(path, specification.text, NUMBERS)  # of who sent the task: workers may have another version
         return bench_of(specification, scenario)

@@ -3,6 +3,7 @@
 import errno
 import warnings
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -13,6 +14,7 @@ from programs import fitted, simulated
 
 import gmwm_jax as gj
 from gmwm_jax._internal import environment, parts
+from gmwm_jax.inference import bootstrapping
 from gmwm_jax.inference.bootstrapping import BootstrapSource
 
 NUM, CHUNKS = 200, 4
@@ -178,6 +180,30 @@ def test_another_bootstrap_is_refused_by_its_field(options, field):
     with pytest.raises(ValueError, match=f"^store is the store of another bootstrap: .*{field}"):
         replicated(**options)
     assert files_of("store") == before
+
+
+@pytest.mark.parametrize(("field", "said"), [('"numbers":0,', "0"), ("", "not stated")])
+def test_a_store_of_other_numbers_is_not_continued(monkeypatch, field, said):
+    written = bootstrapping.specification_of
+
+    def former(source, numbers):
+        now = written(source, numbers)
+        return replace(now, text=now.text.replace(f'"numbers":{numbers},', field))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(bootstrapping, "specification_of", former)
+        replicated(64, store="store")
+    before = files_of("store")
+    refused = f"^store was begun with other numbers .*numbers is {said} in the store, and {bootstrapping.NUMBERS} here"
+    with pytest.raises(ValueError, match=refused):
+        replicated(store="store")
+    assert files_of("store") == before
+
+
+def test_the_version_of_the_numbers_is_that_of_these(boot):
+    """Who has changed what a key gives, and finds it here, raises `NUMBERS`, and puts the new ones in this place."""
+    known = {1: [0.507305, 0.257900, 0.135473]}
+    np.testing.assert_allclose(boot.variances[0, :3], known[bootstrapping.NUMBERS], rtol=1e-5)
 
 
 def test_another_environment_is_said(boot, monkeypatch):

@@ -162,6 +162,16 @@ def test_another_batch_is_refused_by_its_field(units, options, field):
     assert files_of("fits") == before
 
 
+def test_a_store_of_other_numbers_is_not_continued(units, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "NUMBERS", 0)
+        gj.fit_each({"a": units["a"]}, MODEL, store="fits")
+    before = files_of("fits")
+    with pytest.raises(ValueError, match=f"^fits was begun with other numbers .*is 0 in the store, and {module.NUMBERS}"):
+        gj.fit_each({"a": units["a"]}, MODEL, store="fits")
+    assert files_of("fits") == before
+
+
 def test_what_fails_is_tried_again_and_ends_nothing(units):
     first = gj.fit_each({**units, "lost": "lost.npz"}, MODEL, store="fits")
     assert list(first) == ["a", "b", "c"]

@@ -3,6 +3,7 @@
 import errno
 import shutil
 from concurrent.futures import BrokenExecutor, Executor, Future
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -14,6 +15,7 @@ import nav_jax as nj
 from gmwm_jax._internal import environment
 from nav_jax.campaign import tasks
 from nav_jax.campaign.contents import EDGES
+from nav_jax.campaign.specification import NUMBERS
 from nav_jax.campaign.store import Store
 
 zarr = pytest.importorskip("zarr")
@@ -179,6 +181,54 @@ def test_another_campaign_is_refused_by_its_field(done, store, options, field):
     with pytest.raises(ValueError, match=f"study.zarr is the store of another campaign: .*{field}"):
         campaign(**options).run(store)
     assert files_of(store) == files_of(done)
+
+
+def begun_before(done, path, text):
+    """A finished store that another version of the package has begun, with what is in this one."""
+    study = nj.Campaign.open(done)
+    former = Store(path, replace(study._specification, text=text), study._store().layouts, 3)
+    former.restore()
+    for chunk in range(3):
+        former.write("drive", chunk, study._store().read("drive", chunk))
+
+
+@pytest.mark.parametrize(("field", "said"), [('"numbers":1,', "1"), ("", "not stated")])
+def test_a_store_of_other_random_numbers_is_read_and_not_continued(done, computed, field, said):
+    text = campaign().specification
+    begun_before(done, "former.zarr", text.replace(f'"numbers":{NUMBERS},', field))
+    before = files_of("former.zarr")
+    study = nj.Campaign.open("former.zarr")
+    assert study.status().complete
+    assert repr(study.comparison()) == repr(nj.Campaign.open(done).comparison())
+    assert repr(study.statistics()) == repr(nj.Campaign.open(done).statistics())
+    refused = f"^former.zarr was begun with other numbers .*numbers is {said} in the store, and {NUMBERS} here.: begin"
+    for continues in (
+        lambda: campaign(20).run("former.zarr"),
+        lambda: study.run("former.zarr"),
+        lambda: study.run("new.zarr"),
+        lambda: nj.Campaign.merge(["former.zarr"], "new.zarr"),
+        lambda: nj.Campaign.merge([done, "former.zarr"], "new.zarr"),
+        lambda: nj.Campaign.merge([done], "former.zarr"),
+    ):
+        with pytest.raises(ValueError, match=refused):
+            continues()
+    assert files_of("former.zarr") == before
+    assert not computed
+
+
+def test_a_worker_of_another_version_computes_nothing(store, monkeypatch):
+    """Who sent the task has another one: it says so, in the place of runs."""
+    monkeypatch.setattr(tasks, "NUMBERS", NUMBERS + 1)
+    monkeypatch.setattr(tasks, "_benches", {})
+    told = tasks.run_task(str(store), campaign()._specification.digest, 3, "drive", 0)
+    assert f"numbers is {NUMBERS} in the store, and {NUMBERS + 1} here" in told.problem
+
+
+def test_the_version_of_the_numbers_is_that_of_these(done):
+    """Who has changed what runs are, and finds it here, raises `NUMBERS`, and puts the new ones in this place."""
+    known = {2: [0.248208, -0.291491, -0.119956]}
+    errors = nj.Campaign.open(done).comparison()["right"].errors("position")[0, 0]
+    np.testing.assert_allclose(errors, known[NUMBERS], rtol=1e-5)
 
 
 def test_another_environment_is_said(store, monkeypatch):
