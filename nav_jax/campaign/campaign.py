@@ -5,10 +5,10 @@ import os
 import tempfile
 import time
 import warnings
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from nav_jax.campaign.looks import Looks
 from nav_jax.campaign.results import CampaignStatus, Cost, Statistics, named
 from nav_jax.campaign.specification import NUMBERS, Definition
 from nav_jax.campaign.store import Store, read_root, read_specification
-from nav_jax.campaign.tasks import Told, bench_of, run_task
+from nav_jax.campaign.tasks import Told, bench_of, default_size, run_task
 from nav_jax.filter.experiment import GAINS, check_rates, named_filters
 from nav_jax.filter.layout import GROUPS, NAVIGATION
 from nav_jax.filter.scenario import Scenario
@@ -67,8 +67,10 @@ class Campaign:
     num_runs
         Of each filter in each scenario. It is rounded up to whole chunks, whose last runs would be computed anyway.
     chunk_size
-        Runs that are computed at once. Another size changes the last bits of results: it belongs to what defines a
-        campaign.
+        Runs of a task, by which a campaign is computed, continued and stopped. Unless given 64, or 256 with
+        ``keep="statistics"``, whose sums take as much room on disk for each chunk, however large it is; state less
+        where there are many workers for few runs. Another size changes the last bits of results: it belongs to what
+        defines a campaign.
     keep
         ``judged``: errors, standard deviations, NEES and status of each run at the judged epoch (see `Runs.epoch`).
         ``statistics``: and sums over the runs of each chunk at every epoch. ``runs``: and all runs at every epoch.
@@ -108,7 +110,7 @@ class Campaign:
         *,
         key: Key[Any, ""],
         num_runs: int,
-        chunk_size: int = 64,
+        chunk_size: int | None = None,
         keep: str = "statistics",
         gains: str = "estimate",
     ):
@@ -131,7 +133,7 @@ class Campaign:
         for what, value, known in (("keep", keep, KEEPS), ("gains", gains, GAINS)):
             if value not in known:
                 raise ValueError(f"{what} is one of {', '.join(known)}, and is {value!r}.")
-        size = integer("chunk_size", chunk_size, 1)
+        size = default_size(keep) if chunk_size is None else integer("chunk_size", chunk_size, 1)
         key_words = words_of_key(key)
         self._define(specification_of(Definition(scenarios, truth, filters, *key_words, size, keep, gains), NUMBERS))
         self._num_chunks = -(-integer("num_runs", num_runs, 1) // size)
@@ -230,10 +232,10 @@ class Campaign:
     # -- computing --------------------------------------------------------------------------------------------------
 
     def cost(self) -> Cost:
-        """Compute a few chunks of each scenario, and say what all of them will take.
+        """Compute a few runs of each scenario, and say what all of them will take.
 
-        The first by itself, since it compiles, and then as many at a time as `run` computes in its threads: one alone
-        takes more CPU time, that of cores which wait for it.
+        The first ones by themselves, since they compile, and then as many at a time as `run` computes in its threads:
+        one thread alone takes more CPU time, that of cores which wait for it.
 
         Returns
         -------
@@ -241,19 +243,28 @@ class Campaign:
             CPU time of this process, and bytes on disk.
         """
         first = later = 0.0
-        num_later = num_threads()
-        with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(num_later) as threads:
-            pilot = self._copy(1 + num_later)
-            store = pilot._open_store(Path(folder) / "pilot.zarr")
+        workers, num_bytes = num_threads(), 0
+        benches = {name: bench_of(self._specification, name) for name in self.scenarios}
+        layouts = {name: bench.layout_of(bench.at_once) for name, bench in benches.items()}
+        with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(workers) as threads:
+            store = Store(Path(folder) / "pilot.zarr", self._specification, layouts, 2)
+            store.restore()
             frame = _bytes_below(store.path)
-            for scenario in self.scenarios:
+            for scenario, bench in benches.items():
+                parts = self._definition.chunk_size // bench.at_once
                 begin = time.process_time()
-                _compute(store, scenario, 0)
+                arrays = bench.part(0)
+                _keep(store, scenario, 0, arrays)
                 compiled = time.process_time()
-                list(threads.map(partial(_compute, store, scenario), range(1, 1 + num_later)))
-                first += compiled - begin
-                later += (time.process_time() - compiled) / num_later
-            num_bytes = (_bytes_below(store.path) - frame) // (1 + num_later)
+                later_parts = [part * bench.at_once for part in range(1, 1 + workers)]
+                deque(threads.map(bench.part, later_parts), maxlen=0)
+                of_part = (time.process_time() - compiled) / workers
+                computed = time.process_time()
+                _keep(store, scenario, 1, arrays)
+                first += compiled - begin + (parts - 1) * of_part
+                later += parts * of_part + time.process_time() - computed
+                for row in bench.rows:
+                    num_bytes += store.bytes_of(scenario, row.name) * (parts if row.per_run else 1) // 2
         return Cost(first, later, self._num_chunks, num_bytes, frame)
 
     def run(
@@ -529,12 +540,6 @@ class Campaign:
             raise ValueError(f"There is no scenario {scenario!r}; there are {', '.join(self.scenarios)}.")
         return str(scenario)
 
-    def _copy(self, num_chunks: int) -> "Campaign":
-        copy = type(self).__new__(type(self))
-        copy._define(self._specification)
-        copy._num_chunks = num_chunks
-        return copy
-
     def _open_store(self, path: Path) -> Store:
         """Make the folder of a store, or look at the one that is there; the campaign is that of this folder then."""
         if path.exists():
@@ -577,11 +582,9 @@ def _statistics(template: Runs, totals: Mapping[str, Any]) -> Statistics:
     )
 
 
-def _compute(store: Store, scenario: str, chunk: int) -> None:
-    """Do a task, and look at what it wrote."""
-    told = run_task(str(store.path), store.specification.digest, store.num_chunks, scenario, chunk)
-    if told.problem is not None:
-        raise RuntimeError(f"{scenario}: {told.problem}")
+def _keep(store: Store, scenario: str, chunk: int, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write a chunk, and look at what was written."""
+    store.write(scenario, chunk, arrays)
     store.read(scenario, chunk)
 
 

@@ -171,9 +171,10 @@ class Store:
         """Whether there is a checksum, be it right or wrong: a chunk that has one and cannot be read is damaged."""
         return (self.path / _SCENARIOS / scenario / _DONE / "c" / str(chunk)).exists()
 
-    def read_input(self, name: str) -> np.ndarray:
-        """Read one of the arrays of the specification."""
-        return np.asarray(import_zarr().open_array(self.path, path=f"{_INPUTS}/{name}", mode="r")[...])
+    def bytes_of(self, scenario: str, name: str) -> int:
+        """Bytes on disk of all chunks of an array."""
+        of = self.path / _SCENARIOS / scenario / name / "c"
+        return sum(file.stat().st_size for file in of.rglob("*") if file.is_file())
 
     def _array(self, scenario: str, name: str) -> Any:
         return import_zarr().open_array(self.path, path=f"{_SCENARIOS}/{scenario}/{name}", mode="r+")

@@ -167,7 +167,7 @@ def test_a_store_of_other_numbers_is_not_continued(units, monkeypatch):
         patch.setattr(module, "NUMBERS", 0)
         gj.fit_each({"a": units["a"]}, MODEL, store="fits")
     before = files_of("fits")
-    with pytest.raises(ValueError, match=f"^fits was begun with other numbers .*is 0 in the store, and {module.NUMBERS}"):
+    with pytest.raises(ValueError, match=r"^fits was begun with other numbers .*is 0 in the store"):
         gj.fit_each({"a": units["a"]}, MODEL, store="fits")
     assert files_of("fits") == before
 

@@ -14,7 +14,7 @@ from nav.campaigns import arrays_of, campaign, files_of
 import nav_jax as nj
 from gmwm_jax._internal import environment
 from nav_jax.campaign import tasks
-from nav_jax.campaign.contents import EDGES
+from nav_jax.campaign.contents import EDGES, KEEPS
 from nav_jax.campaign.specification import NUMBERS
 from nav_jax.campaign.store import Store
 
@@ -134,6 +134,44 @@ def test_gains_of_the_reference():
     assert np.all(sd == sd[:1])
     with pytest.raises(ValueError, match='keep="judged" has no statistics'):
         study.statistics()
+
+
+@pytest.mark.slow
+def test_a_chunk_in_parts_has_their_runs_and_their_sums():
+    """And half as many files; what would be computed at once by itself is what is computed at once as a part."""
+    small, large = campaign(128, chunk_size=64), campaign(128, chunk_size=128)
+    small.run("small.zarr")
+    large.run("large.zarr")
+    one, other = arrays_of("small.zarr"), arrays_of("large.zarr")
+    per_run = [f"drive/{name}" for name in ("status", "error", "sd", "position_covariance", "nees")]
+    assert [one[name] == other[name] for name in per_run] == [True] * 5
+    for name, found in small.statistics().items():
+        for field, value in vars(found).items():
+            np.testing.assert_equal(getattr(large.statistics()[name], field), value, err_msg=field)
+    assert 2 * len(files_of("large.zarr")) < len(files_of("small.zarr")) + 60
+
+
+@pytest.mark.slow
+def test_a_store_of_5000_runs_of_three_filters_takes_little_room():
+    """One of its twenty chunks: 300 epochs, three sensors, each run with its own gains. Beside it all that is told."""
+    reference = nj.motions.lemniscate(300.0, 2.0)
+    fixes = {"horizontal": 0.1, "vertical": 0.2}
+    aiding = nj.GnssPosition(**fixes), nj.GnssVelocity(**fixes), nj.Barometer(height=0.5)
+    scenario = nj.Scenario(reference, aiding, nj.InitialUncertainty(0.1, 0.05, 0.005))
+    models = "WN(sigma2=1e-4)", "WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-4) + GM(beta=0.01, variance=1e-6)"
+    filters = {model: nj.ImuErrors(model, "WN(sigma2=1e-8) + RW(gamma2=1e-13)", 2.0) for model in models}
+    study = nj.Campaign(scenario, filters[models[1]], filters, key=jax.random.key(0), num_runs=5000)
+    cost = study.cost()
+    assert cost.num_chunks == 20
+    study.run("study.zarr", chunks=[0])
+    written = sum(map(len, files_of("study.zarr").values()))
+    assert cost.frame_bytes + 20 * (written - cost.frame_bytes) < 15e6
+    assert cost.frame_bytes + cost.chunk_bytes == pytest.approx(written, rel=0.02)
+
+
+def test_chunks_are_larger_where_sums_are_kept():
+    sizes = {keep: campaign(keep=keep, chunk_size=None)._definition.chunk_size for keep in KEEPS}
+    assert sizes == {"judged": 64, "statistics": 256, "runs": 64}
 
 
 # who computes, and when

@@ -186,8 +186,8 @@ def test_memory_does_not_grow_with_the_runs(tmp_path):
 
 
 SPECIFICATIONS = {
-    "shared gains": {"num_runs": 512},
-    "gains of their own": {"num_runs": 256, "gains": "estimate"},
+    "shared gains": {"num_runs": 4096, "gains": "reference"},
+    "gains of their own": {"num_runs": 2048, "gains": "estimate"},
     "all of every run": {"num_runs": 256, "keep": "runs"},
 }
 
