@@ -18,7 +18,7 @@ _bounded: list[Any] = []
 
 
 def bounded(function: _F) -> _F:
-    """Mark a function of `jax.jit`, `equinox.filter_jit` or `compiled_quickly` that has a program for each length."""
+    """Mark a compiled function that has a program for each length."""
     # equinox has no public way to forget the programs of one function
     _bounded.append(getattr(function, "_cached", function))
     return function

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, concrete, confidence, require_x64, typed_key
-from gmwm_jax._internal.host import QUICKLY, known
+from gmwm_jax._internal.host import compiled_quickly, known
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting.problem import Problem, require_fittable
@@ -368,10 +368,8 @@ def _minimise_channels(layout: Layout, placements: Any, nodes: Any, y: Any, whit
 # compile; by all passes it compiles as long again and runs no faster, but for many channels at once. Which it is
 # depends on nothing that was fitted before: they differ in the last digits.
 _FEW_CHANNELS = 8
-_compiled_quickly = few_at_a_time(jax.jit(_minimise_channel, static_argnums=0, compiler_options=QUICKLY))
-_compiled_better = few_at_a_time(
-    jax.jit(_minimise_channel, static_argnums=0, compiler_options=QUICKLY | {"xla_backend_optimization_level": 1})
-)
+_compiled_quickly = few_at_a_time(compiled_quickly(static_argnums=(0,))(_minimise_channel))
+_compiled_better = few_at_a_time(compiled_quickly(static_argnums=(0,), level=1)(_minimise_channel))
 _compiled_well = few_at_a_time(jax.jit(_minimise_channels, static_argnums=0))
 
 

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int, Key
 
 from gmwm_jax._internal.checks import as_float, of_kind
 from gmwm_jax._internal.chunks import numbered_keys
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.host import compiled_quickly, compiled_sooner
 from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding
@@ -218,7 +218,7 @@ def _step(p: Array, v: Array, q: Array, gyro: Array, accel: Array, dt: Array, ea
 
 
 @bounded
-@eqx.filter_jit
+@compiled_sooner
 def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys: Key[Array, " R"]) -> Inputs:
     """Draw the inputs of R runs, the same for every filter: initial errors, sensor errors, measurements.
 
@@ -269,7 +269,7 @@ def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys:
 
 
 @bounded
-@eqx.filter_jit
+@compiled_sooner
 def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, smooth: bool = False) -> Gains:
     """Compute covariance and gains of a filter along the reference; `smooth` adds what a smoother needs.
 
@@ -288,7 +288,7 @@ def gains_of(experiment: Experiment, filter: ImuErrors, *, trace: bool = False, 
 
 
 @bounded
-@eqx.filter_jit
+@compiled_sooner
 def run_filter(
     experiment: Experiment,
     filter: ImuErrors,

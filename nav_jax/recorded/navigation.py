@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float64, Int
 
 from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
-from gmwm_jax._internal.host import is_traced
+from gmwm_jax._internal.host import compiled_sooner
 from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -347,6 +347,8 @@ def _whitening(fixes: Fixes) -> Float64[np.ndarray, "F K K"] | None:
     return believed[:, None] * np.linalg.inv(np.linalg.cholesky(fixes.covariance))
 
 
+@bounded
+@compiled_sooner
 def run_record(
     timeline: Timeline,
     sensors: tuple[AbstractAiding, ...],
@@ -359,33 +361,12 @@ def run_record(
     predict: bool = False,
 ) -> Outcome:
     """Run the filter over a prepared record; inside of another program it is a part of that."""
-    given = timeline, sensors, inputs, filter, initial
-    run = _run if is_traced(*given) else _compiled_run
-    return run(*given, trace=trace, smooth=smooth, predict=predict)
-
-
-def _run(
-    timeline: Timeline,
-    sensors: tuple[AbstractAiding, ...],
-    inputs: Inputs,
-    filter: ImuErrors,
-    initial: InitialUncertainty,
-    *,
-    trace: bool,
-    smooth: bool,
-    predict: bool,
-) -> Outcome:
     bank = joined(filter.bank(), timeline.own)
     x = jnp.zeros((len(bank.states), inputs.start.p.shape[1]))
     inputs = inputs._replace(start=inputs.start._replace(x=x))
     P = start_covariance(initial, bank)
     outcome = run_estimate(timeline, bank, sensors, inputs, P, trace=trace, remember=smooth, predict=predict)
     return smoothed(timeline, bank, sensors, outcome) if smooth else outcome
-
-
-# of one run the loops are as fast without the emitters, and are compiled in two thirds of the time
-_LESS_TO_COMPILE: Any = {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
-_compiled_run = bounded(eqx.filter_jit(_run, **_LESS_TO_COMPILE))
 
 
 def navigate(
