@@ -280,7 +280,10 @@ class RecordingErrors(Section):
 
 
 class DeviceErrors(Section):
-    """``device = ...``: an IMU by its datasheet; other keys are arguments of `nav_jax.ImuSpecification.truth`."""
+    """``device = ...``: an IMU by its datasheet; other keys are arguments of `nav_jax.ImuSpecification.truth`.
+
+    What the datasheet leaves open may be said by ``calibration`` and ``gravity``, as of models.
+    """
 
     device: str
     rate: Frequency | None = None
@@ -288,9 +291,19 @@ class DeviceErrors(Section):
     temperature_sd: float = 0.0
     thermometer: bool = False
     longest: Time | None = None
+    calibration: CalibrationSection | None = None
+    gravity: GravitySection | None = None
 
     def build(self, folder: Path) -> ImuErrors:  # noqa: D102
-        return self._sheet().truth(**self.given("device"))
+        return self._adding(self._sheet().truth(**self._options()))
+
+    def _options(self) -> dict[str, Any]:
+        return self.given("device", "calibration", "gravity")
+
+    def _adding(self, errors: ImuErrors) -> ImuErrors:
+        """With what the datasheet leaves open."""
+        more = [] if self.calibration is None else self.calibration.build()
+        return errors.adding(*more, gravity=None if self.gravity is None else self.gravity.build())
 
     def _sheet(self) -> ImuSpecification:
         if self.device not in devices:
@@ -304,7 +317,7 @@ class BelievedDevice(DeviceErrors):
     correlation_time: Time | None = None
 
     def build(self, folder: Path) -> ImuErrors:  # noqa: D102
-        return self._sheet().filter(**self.given("device"))
+        return self._adding(self._sheet().filter(**self._options()))
 
 
 SOURCES: dict[str, type[Any]] = {

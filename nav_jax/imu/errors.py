@@ -147,19 +147,36 @@ class ImuErrors(eqx.Module):
             An AR1 with phi <= 0 has no continuous-time form.
         """
         rate = sampling_rate(rate)
-        models = [resampled(m, self.rate, rate) for m in self.models]
-        (bias_sd,) = known(self.bias_sd)
-        return ImuErrors(
-            models[:3],
-            models[3:],
-            rate,
-            accel_bias_sd=bias_sd[:3],
-            gyro_bias_sd=bias_sd[3:],
-            deterministic=self.deterministic,
-            gravity=self.gravity,
-            start=self.start,
-            output=self.output,
+        return self._with(models=[resampled(m, self.rate, rate) for m in self.models], rate=rate)
+
+    def adding(self, *deterministic: AbstractDeterministic, gravity: GravityDisturbance | None = None) -> "ImuErrors":
+        """Return the same with more errors that are no noise: what the datasheet of a device leaves open, for one.
+
+        Raises
+        ------
+        ValueError
+            It has one of that kind already.
+
+        Examples
+        --------
+        >>> errors = nj.devices["LSM6DSO"].truth(rate=100.0).adding(nj.imu.Misalignment(5e-3, 5e-3))
+        >>> [type(d).__name__ for d in errors.deterministic]
+        ['ScaleFactor', 'Misalignment']
+        """
+        if gravity is not None and self.gravity is not None:
+            raise ValueError(f"There is a disturbance of gravity already: {self.gravity!r}.")
+        return self._with(
+            deterministic=(*self.deterministic, *deterministic), gravity=self.gravity if gravity is None else gravity
         )
+
+    def _with(
+        self, *, models: Sequence[Composite] | None = None, rate: float | None = None, **other: Any
+    ) -> "ImuErrors":
+        (bias_sd,) = known(self.bias_sd)
+        models = self.models if models is None else models
+        kept = {name: getattr(self, name) for name in ("deterministic", "gravity", "start", "output")}
+        biases = {"accel_bias_sd": bias_sd[:3], "gyro_bias_sd": bias_sd[3:]}
+        return ImuErrors(models[:3], models[3:], self.rate if rate is None else rate, **biases, **kept | other)
 
     @property
     def sensed(self) -> "ImuErrors":

@@ -251,6 +251,15 @@ def test_a_device_by_its_datasheet(write):
     expected = sheet.truth(50.0, effects=["range", "LSB"], longest=600.0)
     assert eqx.tree_equal(config.truth, expected)
     assert eqx.tree_equal(config.filters["WN only"], sheet.filter(50.0, correlation_time=100.0))
+    # what the datasheet leaves open is added to it, and what it says is not said twice
+    more = 'device = "LSM6DSO"\ncalibration = { misalignment = { accel_sd = 5e-3 } }\n'
+    more += "gravity = { anomaly = 3e-4, distance = 1e3 }"
+    config = read_config(write(by={SOURCE: f"{more}\nrate = 50", white: more}))
+    kinds = [[type(d).__name__ for d in e.deterministic] for e in (config.truth, config.filters["WN only"])]
+    assert kinds == [["ScaleFactor", "Misalignment"]] * 2
+    assert config.truth.gravity is not None
+    with pytest.raises(ValueError, match="Two errors have the same constants"):
+        read_config(write(by={white: more.replace("misalignment", "scale_factor")}))
     own = {SOURCE: 'device = "HG1700 AG58"', "rate = 50\n": "rate = 100\n"}
     assert read_config(write(by=own)).truth.rate == 100.0
 
