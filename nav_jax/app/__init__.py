@@ -59,13 +59,13 @@ nav-jax design comparison.toml --max-accel 1 --max-gyro 1 --confirm 1000 --out r
 
 `nav-jax align drive.toml` finds roll, pitch and heading with their standard deviations, by a section [align] with
 ``motion = "at rest"`` or ``"moving"``; all commands for drives begin there if [initial] has ``align = true``. `nav-jax
-inspect drive.toml` says on one page what is in a record: rates, gaps, rest, gravity, tilt, the course at the start, and
-by how much clocks are apart. A recorded drive is navigated by `nav-jax navigate drive.toml --out results --save
-drive.npz --export track.kml` (all of it for `nav_jax.load`; the track as .kml, .gpx, .csv or .npz), and the noise
-parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out results`. Whether the
-noise of the sensors at rest holds in motion says `nav-jax vibration drive.toml`, with the lines for [run] where it does
-not. How far off it is after 15 s without fixes, simulated every minute, says `nav-jax outages drive.toml --last 15
---every 60`:
+inspect drive.toml` says on one page what is in a record: rates, gaps, rest, gravity, tilt, the course at the start, by
+how much clocks are apart, and how the IMU is mounted. A recorded drive is navigated by `nav-jax navigate drive.toml
+--out results --save drive.npz --export track.kml` (all of it for `nav_jax.load`; the track as .kml, .gpx, .csv or
+.npz), and the noise parameters that make its innovations most likely are sought by `nav-jax tune drive.toml --out
+results`. Whether the noise of the sensors at rest holds in motion says `nav-jax vibration drive.toml`, with the lines
+for [run] where it does not. How far off it is after 15 s without fixes, simulated every minute, says `nav-jax outages
+drive.toml --last 15 --every 60`:
 
 ```toml
 [record]
@@ -74,7 +74,7 @@ units = { gyro = "deg/s", accel = "g" }
 rate = "100 Hz"
 samples = "averages" # or instants; corrected for coning and sculling
 stamps = "end" # of each sample
-mounting = [0, "-6.7 deg", "5 deg"] # roll, pitch, yaw of the IMU in the vehicle
+mounting = [0, "-6.7 deg", "5 deg"] # roll, pitch, yaw of the IMU in the vehicle; "find": by turns and braking of a car
 time_offset = "0.3 s" # by which the clock of the IMU is ahead of that of the fixes
 # without velocity and attitude, the drive starts when its course tells where the vehicle heads
 

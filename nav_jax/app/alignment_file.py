@@ -46,11 +46,13 @@ def _aligned(tables: Mapping[str, Any], folder: Path) -> tuple[StartAtRest | Sta
         if gnss is None and section.is_gnss_file():
             with place(f"[[aiding]] {i + 1}"):
                 gnss = section.receiver(folder, record.origin).shifted(record.time_offset + section.time_offset)
-            receiver = {k: getattr(section, k) for k in _OF_RECEIVERS if k in section.model_fields_set}
+        if section.is_gnss_file():  # the first that says so, as for navigation
+            receiver = {k: getattr(section, k) for k in _OF_RECEIVERS if k in section.model_fields_set} | receiver
     origin = np.array(record.origin) if record.origin is not None else None if gnss is None else gnss.origin
     with place("[run]"):
         earth = run.build_earth(origin, "[record]")
+    averaged = float(receiver.get("averaged", 0.0) if asked.averaged is None else asked.averaged)
     with place("[record]"):
-        imu, notes = record.placed(imu, gnss, float(receiver.get("averaged", 0.0)), earth)
+        imu, notes = record.placed(imu, gnss, averaged, earth)
     with place("[align]"):
         return aligned(asked, imu, gnss, receiver, record.position, earth), notes

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float64
-from pydantic import Field, create_model
+from pydantic import BeforeValidator, Field, create_model
 
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
@@ -36,6 +36,7 @@ from nav_jax.app.sections import (
     Section,
     Speed,
     Time,
+    quantity,
 )
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.filter.scenario import EVERY, OUTPUT_INTERVAL
@@ -78,10 +79,20 @@ Probability = Annotated[float, Field(ge=0.5, lt=1)]
 Three = Field(strict=False)
 
 
+def _mounting(value: Any) -> str | tuple[float, ...]:
+    """``"find"``, or three angles."""
+    if value == "find":
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise ValueError(f'expected "find", or roll, pitch, yaw as [0, "-6.7 deg", "5 deg"], and this is {value!r}')
+    return tuple(quantity(x, "rad") for x in value)
+
+
 class RecordSection(Section):
     """``imu = ...``: arguments of `read_imu`, how the IMU is mounted, and where and when the record starts.
 
-    ``mounting = "find"`` lets the drive tell it, see `find_mounting`; without it the samples are along the body.
+    ``mounting = "find"`` lets the drive tell it, see `find_mounting`; without it the samples are along the body. All
+    fixes of the receiver tell it, also those in outages, as somebody would find it who calibrates a car once.
     Without an attitude the record starts when the vehicle is fast enough that its course tells it, with position and
     velocity of the fixes.
     """
@@ -100,7 +111,7 @@ class RecordSection(Section):
     header: int | None = None
     variable: str | None = None
     max_bytes: int | str | None = None
-    mounting: Literal["find"] | Annotated[tuple[Angle, Angle, Angle], Three] | None = None
+    mounting: Annotated[Literal["find"] | tuple[float, float, float], BeforeValidator(_mounting)] | None = None
     start: Time | None = None
     end: Time | None = None
     time_offset: Time = 0.0
@@ -429,8 +440,10 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
     with place("[run]"):
         earth = run.build_earth(read.origin, "[record]")
     first = next((r for r in read.records if r is not None), None)
+    known_age = None if asked is None else asked.averaged
+    averaged = averaged_by(read.fixes) if known_age is None else known_age
     with place("[record]"):
-        imu, told = record.placed(imu, first, averaged_by(read.fixes), earth)
+        imu, told = record.placed(imu, first, averaged, earth)
     with place("[initial]"):
         sure = _sure(start, asked)
     with place("[align]" if start.align else "[record]"):

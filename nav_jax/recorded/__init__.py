@@ -48,7 +48,8 @@ study = nj.recorded.outage_study(
 print(study)
 ```
 
-Where nothing is known of the attitude, `align_at_rest` and `align_on_the_move` find it with its covariance.
+How an IMU sits in a car, `find_mounting` finds by turns and braking, with a covariance; `mounted` turns the samples. Where
+nothing is known of the attitude, `align_at_rest` and `align_on_the_move` find it with its covariance.
 
 Does the noise at rest hold in motion? `noise_in_motion` tests it by the likelihood of the innovations, axis by axis, and gives
 the factors for ``vibration``, with intervals.

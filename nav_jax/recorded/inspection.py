@@ -189,7 +189,8 @@ class Inspection(Drawable):
             lines += [f"{source}: {value:.3f} +- {se:.3f} s" for source, (value, se) in self.time_offsets.items()]
         if self.fixes is not None:
             found = isinstance(self.mounting, Mounting)
-            lines += ["", f"{self.mounting}\nif it is that of a vehicle on wheels." if found else self.mounting]
+            beside = "if it is that of a vehicle on wheels, and beyond what a configuration states."
+            lines += ["", f"{self.mounting}\n{beside}" if found else self.mounting]
         return "\n".join(lines)
 
     def _rest_lines(self) -> list[str]:

@@ -39,8 +39,11 @@ def local(given):
     return np.asarray(nj.kinematics.geodetic.ned_from_geodetic(geodetic, geodetic[0])), geodetic[0]
 
 
-def roof():
-    """A car, 549 s: an IMU on its roof at 100 Hz, RTK at 4 Hz whose velocities are means of the past 0.25 s."""
+def roof_record():
+    """A car, 549 s: an IMU on its roof at 100 Hz, RTK at 4 Hz whose velocities are means of the past 0.25 s.
+
+    The samples are along the axes of the IMU, but for turns by right angles.
+    """
     given = opened("real_drive.npz")
     ms, turn = given["imu_ms"], given["imu_to_frd"].T
     # samples come 0.32 s after they were taken; the clock of the sensor is even
@@ -48,19 +51,25 @@ def roof():
     rate = (len(ms) - 1) / (label[1] - label[0])
     gyro, accel = np.deg2rad(given["imu_gyro_mdps"] * 1e-3) @ turn, given["imu_accel_mg"] * 1e-3 * G @ turn
     imu = nj.Imu(label[0] + np.arange(len(ms)) / rate, gyro, accel, rate)
-    imu = recorded.mounted(imu, np.deg2rad([0.0, -6.75, 5.07]))
     p, origin = local(given)
-    v, time = given["gnss_velocity_ned"].astype(float), given["gnss_time"]
     sd = np.hypot(np.where((given["gnss_Q"] == 1)[:, None], given["gnss_sd_neu"], 0.3), 0.01)
-    sd_v = np.hypot(given["gnss_velocity_sd_neu"], 0.02)
-    record = recorded.GnssRecord(time, p, origin=origin, velocity=v, velocity_covariance=matrices(sd_v))
+    return imu, recorded.GnssRecord(
+        given["gnss_time"], p, origin, matrices(sd), given["gnss_velocity_ned"].astype(float),
+        matrices(np.hypot(given["gnss_velocity_sd_neu"], 0.02)),
+    )  # fmt: skip
+
+
+def roof():
+    """The same, to be navigated with what is known of it."""
+    imu, record = roof_record()
+    imu, rate, time = recorded.mounted(imu, np.deg2rad([0.0, -6.75, 5.07])), imu.rate, record.time
     start = recorded.align_by_course(imu, record)
     there = (time > start.time) & (time < imu.epochs[-1] - 0.2)
     receiver = nj.Gnss(
         4.0, horizontal=0.012, vertical=0.02, horizontal_velocity=0.03, vertical_velocity=0.05,
         lever_arm=(0.0, -0.05, 0.0), averaged=0.25, time_offset_sd=0.02,
     )  # fmt: skip
-    both, errors = np.hstack([p, v])[there], matrices(np.hstack([sd, sd_v])[there])
+    both, errors = both_of(record.select(there))
     imu = recorded.between(imu, start.time)
     filter = nj.ImuErrors(
         f"{white(0.015, rate)} + {walk(6e-4, rate)}",
@@ -75,25 +84,31 @@ def roof():
     return imu, fixes, filter, started(start) | options
 
 
-def loop():
+def loop_record():
     """A car, 176 s: a calm IMU at 100 Hz, a receiver at 2 Hz that says how good it is, its axes front, left, up.
 
-    Of its velocities it says 0.26 m/s, which is modest: innovations are 0.05 m/s wherever all fixes are used.
+    Of its velocities it says 0.26 m/s, which is modest: innovations are 0.05 m/s wherever all fixes are used. The
+    samples are along the axes of the IMU, but for turns by right angles.
     """
     given = opened("real_loop1.npz")
     time, flip = given["imu_time"], np.array([1.0, -1.0, -1.0])
     rate = (len(time) - 1) / (time[-1] - time[0])
     gyro, accel = (given[f"imu_{s}"].astype(float) * flip for s in ("gyro", "accel"))
     imu = nj.Imu(time[0] + np.arange(len(time)) / rate, gyro, accel, rate)
-    imu = recorded.mounted(imu, np.deg2rad([0.0, -0.9, -0.7]))
     p, origin = local(given)
-    v, at = given["gnss_velocity_ned"].astype(float), given["gnss_time"]
     sd, sd_v = (given[f"gnss_{of}sd_ned"].astype(float) for of in ("", "velocity_"))
-    record = recorded.GnssRecord(at, p, origin=origin, velocity=v, velocity_covariance=matrices(sd_v))
+    v = given["gnss_velocity_ned"].astype(float)
+    return imu, recorded.GnssRecord(given["gnss_time"], p, origin, matrices(sd), v, matrices(sd_v))
+
+
+def loop():
+    """The same, to be navigated with what is known of it."""
+    imu, record = loop_record()
+    imu, rate, at = recorded.mounted(imu, np.deg2rad([0.0, -0.9, -0.7])), imu.rate, record.time
     start = recorded.align_by_course(imu, record, speed=3.0)
     there = (at > start.time) & (at < imu.epochs[-1] - 0.2)
     receiver = nj.Gnss(2.0, horizontal=0.36, vertical=0.5, horizontal_velocity=0.26, vertical_velocity=0.26)
-    fixes = nj.Fixes(receiver, at[there], np.hstack([p, v])[there], matrices(np.hstack([sd, sd_v])[there]))
+    fixes = nj.Fixes(receiver, at[there], *both_of(record.select(there)))
     imu = recorded.between(imu, start.time)
     filter = nj.ImuErrors(
         f"{white(0.01, rate)} + {walk(6e-4, rate)}",
@@ -104,6 +119,13 @@ def loop():
     )
     options = {"vibration": nj.imu.VibrationNoise(accel=0.09, gyro=0.1)}
     return imu, [fixes, on_wheels(imu)], filter, started(start) | options
+
+
+def both_of(record):
+    """Positions and velocities side by side, and the covariance of both."""
+    C = np.zeros((len(record), 6, 6))
+    C[:, :3, :3], C[:, 3:, 3:] = record.covariance, record.velocity_covariance
+    return np.hstack([record.position, record.velocity]), C
 
 
 def on_wheels(imu):

@@ -1,11 +1,10 @@
-"""The start of a recorded drive: mounting, part of a record, stamps as loggers write them, attitude from the course."""
+"""The start of a recorded drive: part of a record, stamps as loggers write them, attitude from the course."""
 
 from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import nav_jax as nj
 from nav_jax.kinematics import rotation
@@ -18,15 +17,6 @@ SI = {"gyro": "rad/s", "accel": "m/s^2"}
 def table(imu, time):
     names = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
     return dict(zip(names, np.column_stack([time, imu.gyro, imu.accel]).T, strict=True))
-
-
-def test_mounting_is_the_attitude_of_the_imu_in_the_body():
-    imu, _ = nj.perfect_imu(RACE)
-    euler = np.array([0.3, -0.2, 2.0])
-    R = Rotation.from_euler("ZYX", euler[::-1]).as_matrix()
-    found = nj.recorded.mounted(replace(imu, gyro=imu.gyro @ R, accel=imu.accel @ R), euler)  # R' in columns
-    np.testing.assert_allclose(found.gyro, imu.gyro, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(found.accel, imu.accel, rtol=0, atol=1e-12)
 
 
 def test_a_part_of_a_record():
