@@ -259,8 +259,9 @@ def conditional_fits(
     def at(place: Array) -> ConditionalFits:
         eta, *_ = lax.while_loop(moves, step, (place, jnp.asarray(jnp.inf), jnp.asarray(0)))
         A = jax.jacfwd(variance)(eta)
-        held, _ = _estimator(jnp.where(free[None, :], A, 0.0), whitener)
-        whole, unseen = _estimator(jnp.where((free | tested)[None, :], A, 0.0), whitener)
-        return ConditionalFits(moved(eta), jax.jacfwd(moved)(eta), variance(eta), held, whole, unseen)
+        # as one batch of decompositions: of two, each may hold a thread of XLA's and wait for one (`few_at_a_time`)
+        both = jnp.stack([free, free | tested])
+        B, unseen = jax.vmap(lambda taken: _estimator(jnp.where(taken[None, :], A, 0.0), whitener))(both)
+        return ConditionalFits(moved(eta), jax.jacfwd(moved)(eta), variance(eta), *B, unseen[1])
 
     return jax.vmap(at)(places)
