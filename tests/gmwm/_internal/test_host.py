@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
-from gmwm_jax._internal.host import compiled_quickly, namespace
+from gmwm_jax._internal.host import QUICKLY, SOONER, compiled_quickly, compiled_sooner, namespace, understood
 
 
 @pytest.mark.parametrize(("name", "value"), [("log", 0.0), ("exp", 1000.0), ("arctanh", 1.0), ("sqrt", -1.0)])
@@ -41,3 +41,29 @@ def test_what_is_compiled_quickly_is_a_part_of_what_is_traced():
     assert float(jax.jit(lambda y: y * power(x, 2))(2.0)) == 18.0
     assert float(jax.grad(lambda y: jax.jit(lambda z: power(z * x, 2) + power(x, 2))(y))(2.0)) == 36.0
     np.testing.assert_array_equal(jax.vmap(lambda y: power(x, 2) * power(y * x, 1))(x), [27.0, 54.0])
+
+
+def test_what_is_compiled_sooner_is_a_part_of_what_is_traced_and_compiled_once_there():
+    traced = []
+
+    @compiled_sooner
+    def scaled(x, *, by):
+        traced.append(1)
+        return by["factor"] * x
+
+    x, by = np.array([1.0, 2.0]), {"factor": 3.0, "name": "a text is no array"}
+    for _ in range(2):
+        np.testing.assert_array_equal(scaled(x, by=by), 3 * x)
+    assert scaled._cache_size() == len(traced) == 1
+    for _ in range(2):
+        np.testing.assert_array_equal(jax.vmap(jax.grad(lambda y: scaled(y, by=by)))(x), [3.0, 3.0])
+    assert float(jax.jit(lambda y: scaled(y, by=by))(2.0)) == 6.0
+    scaled.clear_cache()
+    assert scaled._cache_size() == 0
+
+
+def test_options_that_this_version_of_xla_lacks_are_left_out():
+    """They make it faster and change nothing else, so that a later version may do without them."""
+    assert understood(QUICKLY) == QUICKLY
+    assert understood(SOONER) == SOONER
+    assert understood(SOONER | {"xla_cpu_of_another_age": True}) == {}

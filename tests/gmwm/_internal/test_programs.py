@@ -8,7 +8,7 @@ import pytest
 from helpers import CountTraces
 
 from gmwm_jax._internal import programs
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.host import compiled_quickly, compiled_sooner
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,7 @@ def counted(compile=jax.jit):
     return programs.bounded(compile(counter)), counter
 
 
-@pytest.mark.parametrize("compile", [jax.jit, eqx.filter_jit, compiled_quickly()])
+@pytest.mark.parametrize("compile", [jax.jit, eqx.filter_jit, compiled_quickly(), compiled_sooner])
 def test_up_to_the_limit_nothing_is_forgotten_and_beyond_it_all(compile):
     double, counter = counted(compile)
     for size in (1, 2, 3):
