@@ -1,19 +1,29 @@
 """By how much the clock of an IMU is ahead of that of fixes: from what both see of turns and of changes of speed.
 
-Between two fixes the course of a vehicle changes by the integral of its turn rate, and its speed by that of the
-specific force along it. On a level way both are linear in the integrals of the three axes of gyro and accelerometer,
-however the IMU is mounted, plus a constant times the time. An antenna at a distance l ahead of the rear axle has a
-course that is ahead of the heading by l/v times the turn rate: turn rates over speeds are fitted too, or they would
-look like an offset, and at a constant speed nothing tells the two apart. Fits by least squares at many offsets tell
-that of the smallest residuals. Its standard error is the larger one of that by the jackknife over blocks of the record,
-and that by the curvature of the likelihood: where all blocks tell the same minimum of several, the first is too small.
-Either is too small where the fit lacks something of the vehicle: trust an offset that several signals tell.
+Between two fixes the course of a vehicle changes by the integral of its turn rate about the vertical, where the mean
+specific force points, and its speed by that of the specific force along it. On a level way the latter is linear in the
+integrals of the three axes of an accelerometer, however it is mounted; a bias is a constant times the time. An antenna
+at a distance l ahead of the rear axle has a course that is ahead of the heading by l/v times the turn rate w: turn
+rates over speeds are fitted too, or they would look like an offset, and at a constant speed nothing tells the two
+apart. Rear tyres slip outwards by an angle that grows with w v, which next to a lead looks like twice as large an
+offset the other way: what is usual goes off, and what is not known of it is part of the standard error. Fits by least
+squares at many offsets tell that of the smallest residuals.
+
+Changes from fix to fix share a fix, and slopes last: what a first fit leaves is correlated. An autoregression of it
+makes the rows of a second fit white (Cochrane and Orcutt 1949), in which a course counts as much as the speed. The
+standard error is the larger one of that by the jackknife over blocks of the record, and of the root mean square
+distance of other offsets by their likelihood: where all blocks tell the same minimum of several, the first is too
+small. It is too small where the fit lacks more of the vehicle: trust an offset that several signals tell.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from gmwm_jax._internal.checks import number
 from gmwm_jax._internal.typing import Real
@@ -22,11 +32,23 @@ from nav_jax.recorded.gnss.record import GnssRecord
 _STEP = 0.02
 """s between offsets that are tried; between them a parabola goes."""
 
+_FINE = 20
+"""Parts of a step, for the likelihood between them."""
+
+_COARSE = 5
+"""Steps between those of the first fit."""
+
+_ORDER = 8
+"""Of the autoregression of what a fit leaves; less where there are less than ten times as many intervals."""
+
 _BLOCKS = 10
 """Of the jackknife."""
 
-_NEAR = 5
-"""Steps to each side of a minimum, for its curvature."""
+_NEAR = 0.25
+"""s, over twice which to each side a turn rate is taken: less is noise, and more rounds off how turns begin."""
+
+_SLIP = (0.003, 0.002)
+"""rad per m/s^2 to the side, of rear tyres, and how far others are from it: 0 if they are rigid, 0.006 if soft."""
 
 _MOVING = 1.5
 """m/s, from which a velocity has a course."""
@@ -102,9 +124,11 @@ def clock_offsets(
     if fixes.velocity is not None:
         there = np.isfinite(fixes.velocity[:, :2]).all(axis=1)
         sources["velocities"] = (fixes.time[there], fixes.velocity[there, :2], None)
+    down = -accel.mean(axis=0)
+    about = gyro @ down[:, None] / max(float(np.linalg.norm(down)), 1e-9)  # noise of other axes would fit as a lead
     found = []
     for source, (at, velocity, width) in sources.items():
-        for signal, data in (("turns", gyro), ("speed", accel)):
+        for signal, data in (("turns", about), ("speed", accel)):
             found.append(_offset(source, signal, tried, time, data, at, velocity, width))
     return found
 
@@ -127,38 +151,40 @@ def _offset(
 ) -> Offset:
     """One signal of one source; `width` where velocities are means over intervals of that length."""
     y, rows = _changes(signal, at, velocity)
-    speed = np.maximum(np.hypot(*velocity.T), _MOVING)
     once = _summed(np.diff(time)[:, None] * data[:-1])  # a sample holds until the next
-    twice = _summed(np.diff(time)[:, None] * (once[1:] + once[:-1]) / 2) if width is not None else once
+    size = np.ones(len(at))
+    if signal == "turns":
+        size, once = np.maximum(np.hypot(*velocity.T), _MOVING), np.hstack([once, _rate(time, once)])
+    twice = _summed(np.diff(time)[:, None] * (once[1:] + once[:-1]) / 2)
     ends = 0.0 if width is None else width.max(initial=0.0) / 2
     first, last = time[0] + ends - tried[0], time[-1] - ends - tried[-1]
     rows = rows[(at[rows] >= first) & (at[rows + 1] <= last)]
     y = y[rows]
-    nothing = np.full(len(tried), np.nan)
     if len(rows) < _FEWEST or not np.ptp(y) > 0:
-        return Offset(source, signal, tried, nothing, np.nan, np.nan, len(rows))
-    blocks = np.minimum(np.arange(len(rows)) * _BLOCKS // len(rows), _BLOCKS - 1)
-    starts = np.searchsorted(blocks, np.arange(_BLOCKS))
-    sums = []
-    for tau in tried:
-        means = _at(time, once, at + tau) if width is None else _mean(time, twice, at + tau, width)
-        columns = [means[rows + 1] - means[rows], at[rows + 1] - at[rows]]
-        if signal == "turns":  # over half an interval to each side
-            half = np.median(np.diff(at)) / 2
-            lead = (_at(time, once, at + tau + half) - _at(time, once, at + tau - half)) / (2 * half * speed[:, None])
-            columns.append(lead[rows + 1] - lead[rows])
-        X = np.column_stack([*columns, y])
-        sums.append(np.add.reduceat(X[:, :, None] * X[:, None, :], starts, axis=0))
-    sums = np.array(sums)
+        return Offset(source, signal, tried, np.full(len(tried), np.nan), np.nan, np.nan, len(rows))
+    weight = (size[rows] + size[rows + 1])[:, None] / 2  # a course has the less noise, the faster it goes
+
+    def design(tau: float) -> np.ndarray:
+        """Integrals, times, and changes from each velocity to the next."""
+        seen = _at(time, once, at + tau) if width is None else _mean(time, twice, at + tau, width)
+        if signal == "turns":
+            angle, rate = seen.T
+            seen = np.column_stack([angle - _SLIP[0] * size * rate, rate / size])
+        return weight * np.column_stack([seen[rows + 1] - seen[rows], at[rows + 1] - at[rows], y])
+
+    rough = _products(design, tried[::_COARSE], np.ones(1), 1)[:, 0]
+    k = int(np.argmin(_residual(rough)))
+    white = _whitening(design(tried[::_COARSE][k]) @ np.append(-_solution(rough)[k], 1.0))
+    sums = _products(design, tried, white, _BLOCKS)
     whole = sums.sum(axis=1)
-    variance = len(y) * np.var(y)
     residual = _residual(whole)
-    correlation = np.sqrt(np.clip(1 - residual / variance, 0.0, 1.0))
+    correlation = np.sqrt(np.clip(1 - residual / _residual(whole[:, -2:, -2:]), 0.0, 1.0))  # beyond times alone
     value = _lowest(tried, residual)
     parts = np.array([_lowest(tried, _residual(whole - sums[:, b])) for b in range(_BLOCKS)])
     jackknife = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((parts - parts.mean()) ** 2))
-    se = max(float(jackknife), _by_curvature(residual, len(y))) if np.isfinite(jackknife) else np.nan
-    return Offset(source, signal, tried, correlation, float(value), se, len(y))
+    se = np.max([jackknife, _spread(tried, residual, value, len(y))])  # NaN where one is
+    slip = 2 * _SLIP[1] * weight.mean() if signal == "turns" else 0.0
+    return Offset(source, signal, tried, correlation, value, float(np.hypot(se, slip)), len(y))
 
 
 def _changes(signal: str, at: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -188,11 +214,40 @@ def _mean(time: np.ndarray, integral: np.ndarray, at: np.ndarray, width: np.ndar
     return (_at(time, integral, at + width / 2) - _at(time, integral, at - width / 2)) / width[:, None]
 
 
+def _rate(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """By central differences of fourth order: an offset goes with the third derivative of an angle, or a lead."""
+    near, far = (_at(time, angle, time + h) - _at(time, angle, time - h) for h in (_NEAR, 2 * _NEAR))
+    return (8 * near - far) / (12 * _NEAR)
+
+
+def _whitening(left: np.ndarray) -> np.ndarray:
+    """Factors of a value and those before it, of which the sum is white: autoregression by Yule and Walker."""
+    order = min(_ORDER, len(left) // 10)
+    lags = np.array([left[k:] @ left[: len(left) - k] for k in range(order + 1)])
+    lags[0] = (1 + 1e-6) * lags[0] + 1e-300  # without noise it would be singular
+    return np.append(1.0, -solve_toeplitz(lags[:-1], lags[1:]))
+
+
+def _products(
+    design: Callable[[float], np.ndarray], offsets: np.ndarray, white: np.ndarray, blocks: int
+) -> Float64[np.ndarray, "T b n n"]:
+    """Sums of products of all columns, at each offset and in each block of rows."""
+    found = []
+    for tau in offsets:
+        X = np.asarray(lfilter(white, 1.0, design(tau), axis=0))
+        starts = np.arange(blocks) * len(X) // blocks
+        found.append(np.add.reduceat(X[:, :, None] * X[:, None, :], starts, axis=0))
+    return np.array(found)
+
+
+def _solution(sums: Float64[np.ndarray, "T n n"]) -> Float64[np.ndarray, "T m"]:
+    """Of a fit of the last column by the others."""
+    return np.einsum("tij,tj->ti", np.linalg.pinv(sums[:, :-1, :-1], hermitian=True), sums[:, :-1, -1])
+
+
 def _residual(sums: Float64[np.ndarray, "T n n"]) -> Float64[np.ndarray, " T"]:
-    """Sums of squares that a fit of the last column by the others leaves."""
-    A, b = sums[:, :-1, :-1], sums[:, :-1, -1]
-    x = np.einsum("tij,tj->ti", np.linalg.pinv(A, hermitian=True), b)
-    return np.maximum(sums[:, -1, -1] - np.einsum("ti,ti->t", x, b), 1e-300)
+    """Sums of squares that it leaves."""
+    return np.maximum(sums[:, -1, -1] - np.einsum("ti,ti->t", _solution(sums), sums[:, :-1, -1]), 1e-300)
 
 
 def _lowest(tried: np.ndarray, residual: np.ndarray) -> float:
@@ -205,9 +260,9 @@ def _lowest(tried: np.ndarray, residual: np.ndarray) -> float:
     return float(tried[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0) * _STEP)
 
 
-def _by_curvature(residual: np.ndarray, num: int) -> float:
-    """Standard error of the offset of the smallest residuals: -log L is n/2 times their logarithm."""
-    k = int(np.clip(np.argmin(residual), _NEAR, len(residual) - 1 - _NEAR))
-    a, b, c = np.log(residual[[k - _NEAR, k, k + _NEAR]])
-    curvature = num / 2 * (a - 2 * b + c) / (_NEAR * _STEP) ** 2
-    return float(1 / np.sqrt(curvature)) if curvature > 0 else 0.0
+def _spread(tried: np.ndarray, residual: np.ndarray, value: float, num: int) -> float:
+    """Root mean square distance of offsets from a value by their likelihood: -log L is n/2 times log residuals."""
+    fine = np.linspace(tried[0], tried[-1], _FINE * (len(tried) - 1) + 1)
+    minus = num / 2 * CubicSpline(tried, np.log(residual))(fine)
+    weights = np.exp(minus.min() - minus)
+    return float(np.sqrt(weights @ (fine - value) ** 2 / weights.sum()))
