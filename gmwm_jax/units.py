@@ -44,7 +44,7 @@ _ANGLES = {
     "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "deg": _DEG, "mdeg": 1e-3 * _DEG, "arcmin": _DEG / 60,
     "arcsec": _DEG / 3600,
 }  # fmt: skip
-_SPEEDS = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1 / 3.6, "ft/s": 0.3048}
+_SPEEDS = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6, "ft/s": 0.3048}
 _ACCELERATIONS = {
     "m/s^2": 1.0, "mm/s^2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G, "mGal": 1e-5,
 }  # fmt: skip

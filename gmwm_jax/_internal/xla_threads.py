@@ -3,7 +3,7 @@
 LAPACK of a batch of matrices holds one thread of XLA's pool until others of the pool have done its parts (jaxlib 0.10).
 The pool has a thread for each core. Two such programs, started by two Python threads, may each hold one of two and wait
 for ever: two selections did within seconds, with pools of 2 to 4 threads. With 16, eight at a time came to their ends.
-Two of them in one program that nothing puts in an order do it too: what a program decomposes is one batch or a sequence.
+Two in one program that nothing puts in an order do it too: what a program decomposes is one batch after another.
 
 More threads than cores are no answer for everybody: a step of a filter that goes through XLA operation by operation
 takes twice as long with them. A page, whose users wait for each other's fits otherwise, asks for them.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from nav_jax.aiding.gnss import AbstractReceiver
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, from_toml, place
 from nav_jax.app.record_file import FIXES, SECTIONS, RecordRunSection, RecordSection
 from nav_jax.app.record_start import aligned
@@ -43,10 +44,11 @@ def _aligned(tables: Mapping[str, Any], folder: Path) -> tuple[StartAtRest | Sta
         imu = record.build(folder)
     gnss, receiver = None, {}
     for i, section in enumerate(listed):
-        if gnss is None and section.is_gnss_file():
+        if gnss is None:
             with place(f"[[aiding]] {i + 1}"):
-                gnss = section.receiver(folder, record.origin).shifted(record.time_offset + section.time_offset)
-        if section.is_gnss_file():  # the first that says so, as for navigation
+                gnss = section.gnss(folder, record.origin)
+            gnss = gnss if gnss is None else gnss.shifted(record.time_offset + section.time_offset)
+        if issubclass(section.sensor, AbstractReceiver):  # the first that says so, as for navigation
             receiver = {k: getattr(section, k) for k in _OF_RECEIVERS if k in section.model_fields_set} | receiver
     origin = np.array(record.origin) if record.origin is not None else None if gnss is None else gnss.origin
     with place("[run]"):

@@ -191,7 +191,7 @@ class FixesSection(Aiding):
         """Is it a file of a receiver, rather than a table of a sensor's values?"""
         if not issubclass(self.sensor, AbstractReceiver):
             return False
-        asked = {*_GNSS_READ, *_GNSS_MAKE, "exclude"} & self.model_fields_set
+        asked = {*_GNSS_READ, *_GNSS_MAKE, "exclude", "angles"} & self.model_fields_set
         known = any(Path(self.file).suffix.lower() in f.suffixes for f in FORMATS.values())
         return bool(asked) or known or not {"horizontal", "vertical"} <= self.model_fields_set
 
@@ -206,11 +206,23 @@ class FixesSection(Aiding):
             raise ValueError(f"{wrong[0]} is for files of GNSS receivers, and this is a {self.type}.")
         options = ("type", "file", "exclude", "time_offset", *_FIXES_READ, *_GNSS_READ, *_GNSS_MAKE)
         sensor = self.sensor(**self.given(*options))  # type: ignore[call-arg]
-        fixes = read_fixes(folder / self.file, sensor, origin=origin, **how)
+        try:
+            fixes = read_fixes(folder / self.file, sensor, origin=origin, **how)
+        except ValueError as error:
+            if isinstance(sensor, AbstractReceiver) and "latitude" in str(error):
+                said = 'if positions are latitude, longitude and height, say so by angles = "deg" or "rad".'
+                raise ValueError(f"{error} Or {said}") from error
+            raise
         if sensor.states and len(fixes.time) > 1:  # whose models are per fix
             rate = float(1 / np.median(np.diff(fixes.time)))
             fixes = replace(fixes, sensor=self.sensor(rate, **self.given(*options)))  # type: ignore[call-arg]
-        return fixes, None
+        return fixes, _record_of(fixes)
+
+    def gnss(self, folder: Path, origin: Sequence[float] | None) -> GnssRecord | None:
+        """Positions and velocities of a receiver, be it by its file or by a table, on its own clock; or None."""
+        if self.is_gnss_file():
+            return self.receiver(folder, origin)
+        return self.read(folder, origin)[1] if issubclass(self.sensor, AbstractReceiver) else None
 
     def receiver(self, folder: Path, origin: Sequence[float] | None) -> GnssRecord:
         """What a file of a receiver has, but for the qualities that are left out, on its own clock."""
@@ -233,6 +245,15 @@ class FixesSection(Aiding):
             for end in ("", "_velocity")
         )
         return record.fixes(position, velocity, **options), record
+
+
+def _record_of(fixes: Fixes) -> GnssRecord | None:
+    """What a table of fixes says of where a receiver is; None of a sensor without positions."""
+    parts = fixes.sensor.parts if isinstance(fixes.sensor, AbstractReceiver) else ()
+    if "position" not in parts:
+        return None
+    position, *velocity = np.split(fixes.value, len(parts), axis=1)
+    return GnssRecord(fixes.time, position, velocity=velocity[0] if velocity else None)
 
 
 def _fixes_section(kind: str, section: type[Aiding]) -> Any:
@@ -406,10 +427,11 @@ def inspect_file(path: str | os.PathLike[str], most_offset: float) -> Inspection
             time, gyro, accel = record.as_recorded(folder)
         gnss = None
         for i, section in enumerate(listed):
-            if gnss is None and section.is_gnss_file():
+            if gnss is None:
                 with place(f"[[aiding]] {i + 1}"):
-                    # what is found is beyond what is stated
-                    gnss = section.receiver(folder, record.origin).shifted(record.time_offset + section.time_offset)
+                    gnss = section.gnss(folder, record.origin)
+                if gnss is not None:  # what is found is beyond what is stated
+                    gnss = gnss.shifted(record.time_offset + section.time_offset)
         with place("[record]"):
             return inspect_record(time, gyro, accel, gnss, most_offset=most_offset)
 

@@ -178,6 +178,24 @@ def test_what_is_refused_and_where(folder, case, command):
     assert said in call(command, written(folder, "bad.toml", **changes), code=2).stderr
 
 
+def test_a_table_of_a_receiver_is_as_good_as_its_file(folder, found, tmp_path):
+    """It was passed over by inspect and by whoever looks for a mounting, where its noise is stated."""
+    table = written(folder, "table.toml", as_table=('format = "table"\n', ""))
+    content = {}
+    for name in ("drive.toml", "table.toml"):
+        written(folder, "drive.toml")
+        call("inspect", folder / name, "--json", tmp_path / "found.json")
+        content[name] = json.loads((tmp_path / "found.json").read_text())
+    assert content["table.toml"] == content["drive.toml"]
+    assert content["table.toml"]["fixes"]["num"] == len(KNOWN.fixes_time)
+    assert read_record(table).notes == read_record(folder / "drive.toml").notes
+    # whose positions are latitude, longitude, height is told how to say so
+    (folder / "places.csv").write_text("time,latitude,longitude,height\n1.0,46.0,6.0,400\n2.0,46.0,6.0,400\n")
+    where = {"as_table": ('format = "table"\n', ""), "file": ('"fixes.csv"', '"places.csv"')}
+    said = call("inspect", written(folder, "bad.toml", **where), code=2).stderr
+    assert "if positions are latitude, longitude and height, say so by angles" in said
+
+
 def test_there_has_to_be_a_receiver(folder):
     """Be there no aiding at all, or a table of a sensor."""
     start, end = TOML.index("[[aiding]]"), TOML.index("[initial]")
