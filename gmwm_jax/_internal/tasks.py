@@ -4,11 +4,12 @@ A task is pure: done again, by whomever, it has the same result. So what was los
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from typing import Any
 
-from gmwm_jax._internal.executors import Pool, prepare_worker
+from gmwm_jax._internal.executors import Pool, WorkersGoneError, prepare_worker
+from gmwm_jax._internal.lazy import open_wide
 from gmwm_jax._internal.states import State, from_state, to_state
 
 _MOST_BREAKS = 16
@@ -16,6 +17,9 @@ _MOST_BREAKS = 16
 
 _MOST_DEATHS = 3
 """Workers that a task may cost that is alone with them."""
+
+_MOST_LOSSES = 16
+"""Times that a task may be given back without a word."""
 
 Task = tuple[Any, ...]
 
@@ -30,12 +34,14 @@ class SentAsState:
     __slots__ = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Of a registered class, see `gmwm_jax._internal.states`."""
-        return _arrived, (to_state(self),)
+        """Of a registered class, see `gmwm_jax._internal.states`; the package has it, and what it is made of."""
+        return _arrived, (type(self).__module__.partition(".")[0], to_state(self))
 
 
-def _arrived(state: State) -> Any:
+def _arrived(package: str, state: State) -> Any:
+    """Build it, in a process that may have loaded nothing of the package: not even the function that it is for."""
     prepare_worker()
+    open_wide(package)
     return from_state(state)
 
 
@@ -51,7 +57,7 @@ def carry_out(
     pool: Pool,
     take: Callable[[Any, Any], object],
     *,
-    died: Callable[[list[Any]], str],
+    died: Callable[[str, list[Any]], str],
 ) -> None:
     """Send the tasks of each round out, and those whose worker died again, after the others and then one by one.
 
@@ -69,18 +75,23 @@ def carry_out(
     take
         Called here with each task and its result, or the exception that came in its place.
     died
-        Tasks, of which one had a worker that died -> what that means, as a sentence.
+        What has happened, such as "A worker died", and the tasks, of which one had that worker -> what it means, as a
+        sentence.
 
     Raises
     ------
     RuntimeError
-        Workers died, and nobody has said how to make others.
+        Workers died, and nobody has said how to make others; a cluster has had none for too long, or has ended.
     """
     ended = False
     waiting: dict[Future[Any], Task] = {}
     todo: list[Task] = []
     order: dict[Task, int] = {}
-    breaks, deaths = 0, Counter[Task]()
+    breaks, deaths, losses = 0, Counter[Task](), Counter[Task]()
+
+    def in_order(tasks: Iterable[Task]) -> list[Task]:
+        return sorted(tasks, key=order.__getitem__)
+
     try:
         while True:
             if not (todo or waiting):
@@ -94,7 +105,12 @@ def carry_out(
                     waiting[future] = todo.pop()
             except BrokenExecutor:
                 broken.append(todo.pop())
-            done = wait(waiting, return_when=FIRST_COMPLETED).done
+            done = wait(waiting, timeout=pool.asked_after, return_when=FIRST_COMPLETED).done
+            if not done or any(future.cancelled() for future in done):
+                try:
+                    pool.require_workers()
+                except WorkersGoneError as gone:
+                    raise RuntimeError(died(str(gone), in_order(waiting.values()))) from None
             for future in sorted(done, key=lambda one: order[waiting[one]]):
                 task = waiting.pop(future)
                 try:
@@ -102,22 +118,29 @@ def carry_out(
                 except BrokenExecutor:
                     broken.append(task)
                     continue
+                except CancelledError as error:  # by none of us: as by a client that has lost its scheduler for a while
+                    losses[task] += 1
+                    if losses[task] < _MOST_LOSSES:
+                        todo.append(task)
+                        continue
+                    result = error
                 except Exception as error:
                     result = error
                 breaks = 0
+                pool.has_answered()
                 take(task, result)
             if broken:
-                broken = sorted([*broken, *waiting.values()], key=order.__getitem__)
+                broken = in_order([*broken, *waiting.values()])
                 waiting.clear()
                 breaks += 1
                 if breaks > _MOST_BREAKS or not pool.replace():
-                    raise RuntimeError(died(broken))
+                    raise RuntimeError(died("A worker died", broken))
                 deaths.update(broken if len(broken) == 1 else ())
                 if deaths[broken[0]] == _MOST_DEATHS:
                     take(broken.pop(), WorkerDied(f"its worker died {_MOST_DEATHS} times, as without memory"))
                 todo[:0] = reversed(broken)
         ended = True
     finally:
-        for future in waiting:
+        for future in [] if pool.has_ended else waiting:
             future.cancel()
         pool.close(wait=ended)

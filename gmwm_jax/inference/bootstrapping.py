@@ -260,7 +260,9 @@ def bootstrap(
     OSError
         The store cannot be written, as where the disk is full; what is whole in it is kept.
     RuntimeError
-        One chunk took three workers with it, or workers died and nobody has said how to make others.
+        One chunk took three workers with it, or workers died and nobody has said how to make others; a Dask cluster
+        ended, or had no worker for two minutes where it is of this machine, for a day where it is not, or for as long
+        as Dask's configuration says (``distributed.scheduler.no-workers-timeout``).
 
     Examples
     --------
@@ -395,12 +397,12 @@ def _stored(parts: Parts, tasks: list[tuple[int, int]]) -> dict[tuple[int, int],
     return {task: from_state(state) for task, state in states.items() if state is not None}
 
 
-def _died(parts: Parts | None) -> Callable[[list[tuple[int, int]]], str]:
+def _died(parts: Parts | None) -> Callable[[str, list[tuple[int, int]]], str]:
     kept = "with store=... what is done would be kept" if parts is None else f"what is whole in {parts.path} is kept"
 
-    def died(tasks: list[tuple[int, int]]) -> str:
+    def died(happened: str, tasks: list[tuple[int, int]]) -> str:
         return (
-            f"A worker died while it had one of the chunks of replicates from {tasks[0][0]} on: {kept}. "
+            f"{happened} while it had one of the chunks of replicates from {tasks[0][0]} on: {kept}. "
             "executor=gj.inference.processes(n) replaces workers that die now and then."
         )
 

@@ -172,7 +172,8 @@ def fit_each(
     OSError
         The store cannot be written, as where the disk is full; what is whole in it is kept.
     RuntimeError
-        Workers died, and nobody has said how to make others; x64 is off.
+        Workers died, and nobody has said how to make others; a Dask cluster ended or had no worker for too long, see
+        `gmwm_jax.bootstrap`; x64 is off.
 
     Examples
     --------
@@ -210,10 +211,10 @@ def fit_each(
                 take(task, from_state(state), new=False)
         lacking = [task for task in tasks if task[0] not in done]
 
-        def died(tasks: list[tuple[str, Source]]) -> str:
+        def died(happened: str, tasks: list[tuple[str, Source]]) -> str:
             kept = "with store=... what is done would be kept" if parts is None else f"what is whole in {store} is kept"
             return (
-                f"A worker died while it had {tasks[0][0]} or another one: {kept}. "
+                f"{happened} while it had {tasks[0][0]} or another one: {kept}. "
                 "executor=gj.multisignal.processes(n) replaces workers that die now and then."
             )
 

@@ -37,6 +37,10 @@ with SLURMCluster(
     study.run("study.zarr", executor=client, progress=True)
 ```
 
+Where the queue has no room for a worker for a day, the client ends, and says so; another time stands in Dask's
+configuration (``export DASK_DISTRIBUTED__SCHEDULER__NO_WORKERS_TIMEOUT="3 days"``). Workers of a `LocalCluster` are missed
+after two minutes.
+
 The store lies on a disk that client and workers see. ``nav-jax campaign spec.toml --store study.zarr --scheduler tcp://...``
 does the same with a scheduler that runs. Without Dask, an array of jobs (``#SBATCH --array=0-9``) computes every tenth
 chunk each, into stores of their own, which one more job gathers when they are done:

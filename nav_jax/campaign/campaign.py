@@ -312,7 +312,9 @@ class Campaign:
         OSError
             The store cannot be written, as where the disk is full; what is whole in it is kept.
         RuntimeError
-            Workers died, and nobody has said how to make others.
+            Workers died, and nobody has said how to make others. A Dask cluster ended, or had no worker for two
+            minutes where it is of this machine, for a day where it is not, or for as long as Dask's configuration
+            says (``distributed.scheduler.no-workers-timeout``).
         """
         rule = rule_of(stop, len(self.filters))
         if rule is not None and chunks is not None:
@@ -375,9 +377,9 @@ class Campaign:
                 store.note_failure(*task, problem)
             bar.update(1)
 
-        def died(tasks: list[Task]) -> str:
+        def died(happened: str, tasks: list[Task]) -> str:
             return (
-                f"A worker died while it had one of the chunks {named(_by_scenario(tasks))}: what is whole in "
+                f"{happened} while it had one of the chunks {named(_by_scenario(tasks))}: what is whole in "
                 f"{store.path} is kept. Run the campaign again; executor=nj.campaign.processes(n) replaces workers "
                 "that die now and then."
             )

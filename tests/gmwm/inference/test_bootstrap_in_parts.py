@@ -1,6 +1,9 @@
 """A bootstrap in parts: the same bytes whoever computes them in whatever order, and what is damaged is not believed."""
 
 import errno
+import pickle
+import subprocess
+import sys
 import warnings
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -14,8 +17,11 @@ from programs import fitted, simulated
 
 import gmwm_jax as gj
 from gmwm_jax._internal import environment, parts
+from gmwm_jax.fitting.weights import as_weights
 from gmwm_jax.inference import bootstrapping
 from gmwm_jax.inference.bootstrapping import BootstrapSource
+from gmwm_jax.multisignal.each import EachBatch
+from gmwm_jax.processes.registry import as_model
 
 NUM, CHUNKS = 200, 4
 
@@ -102,6 +108,21 @@ def test_records_change_no_bit():
 def test_what_is_no_executor():
     with pytest.raises(ValueError, match=r"what has get_executor\(\)"):
         replicated(executor=3)
+
+
+ARRIVES = "import pickle, sys; print(type(pickle.load(sys.stdin.buffer)).__name__)"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cls", [BootstrapSource, EachBatch])
+def test_what_tasks_are_given_arrives_before_their_function(cls):
+    """Dask reads them in whatever order; what it cannot read ends the worker, whose nanny makes no other."""
+    given = {
+        BootstrapSource: BootstrapSource(fitted(), "variances", "threefry2x32", (0, 3), 64),
+        EachBatch: EachBatch(as_model("WN + RW"), as_weights("two-step"), None, 0.95, "{}"),
+    }[cls]
+    said = subprocess.run([sys.executable, "-c", ARRIVES], input=pickle.dumps(given), capture_output=True, timeout=300)
+    assert said.stdout.decode().strip() == cls.__name__, said.stderr.decode()
 
 
 # when

@@ -10,6 +10,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from clusters import cluster, local_client
 from helpers import assert_same_result
 from programs import fitted
 
@@ -31,7 +32,7 @@ def cache(tmp_path_factory):
         if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
             patch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
         patch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-        patch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]))
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")]))
         yield
 
 
@@ -62,10 +63,36 @@ def test_processes_change_no_bit(fit, boot):
 
 
 def test_dask_changes_no_bit(fit, boot):
-    distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+    pytest.importorskip("distributed")
+    with local_client() as client:
         assert_same_result(replicated(fit, executor=client), boot)
+
+
+def test_a_cluster_whose_workers_are_gone(fit, tmp_path):
+    """The bootstrap ends in a sentence, and goes on in this thread."""
+    distributed, config = pytest.importorskip("distributed"), pytest.importorskip("dask.config")
+    ended = r"^No worker of the Dask cluster at tcp://\S+ has taken tasks for 5 s while it had one of the chunks of"
+    with cluster(tmp_path) as dask, distributed.Client(dask.address) as client:
+
+        def kills(done, total):
+            if done == 64:
+                dask.kill_workers()
+
+        with (
+            config.set({"distributed.scheduler.no-workers-timeout": "5s"}),
+            pytest.raises(RuntimeError, match=f"{ended} replicates from .*: what is whole in store is kept"),
+        ):
+            replicated(fit, 640, executor=client, store="store", progress=kills)
+    assert 0 < len(chunks_of("store")) < 10
+    assert_same_result(replicated(fit, 640, store="store"), replicated(fit, 640))
+
+
+def test_a_process_that_ends_after_any_file_operation(tmp_path):
+    """Truly, with `os._exit`: what it leaves is gone on with by another process."""
+    command = [sys.executable, str(ROOT / "tests" / "gmwm" / "exits_of_bootstraps.py"), str(tmp_path), "1"]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert said.returncode == 0, said.stderr
+    assert int(said.stdout) > 20
 
 
 PROGRAM = """
