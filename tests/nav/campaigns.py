@@ -46,6 +46,14 @@ def files_of(store):
     return {str(file.relative_to(store)): file.read_bytes() for file in Path(store).rglob("*") if file.is_file()}
 
 
+def executor_of(workers):
+    """Processes, threads where there are none, or those of a Dask cluster at an address."""
+    if workers.startswith("tcp:"):
+        from distributed import Client
+
+        return Client(workers)
+    return nj.campaign.processes(int(workers)) if int(workers) else None
+
+
 if __name__ == "__main__":
-    workers = int(sys.argv[3])
-    campaign(int(sys.argv[2])).run(sys.argv[1], executor=nj.campaign.processes(workers) if workers else None)
+    campaign(int(sys.argv[2])).run(sys.argv[1], executor=executor_of(sys.argv[3]))

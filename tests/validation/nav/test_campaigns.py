@@ -14,7 +14,8 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from nav import campaigns
+from clusters import LIMIT, children_of, cluster, local_client, within
+from nav import campaigns, exits_of_campaigns
 from nav.campaigns import arrays_of, campaign, files_of
 
 import nav_jax as nj
@@ -36,9 +37,10 @@ def cache(tmp_path_factory):
 
 
 def started(store, num_runs, workers=0):
-    """The campaign in a process group of its own."""
+    """The campaign in a process group of its own; the workers are a number, or the address of a scheduler."""
     command = [sys.executable, campaigns.__file__, str(store), str(num_runs), str(workers)]
-    return subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
+    environment = os.environ | {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "10s"}
+    return subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True, env=environment)
 
 
 def finished(store, num_runs, workers=0):
@@ -100,33 +102,137 @@ def test_kill_9_of_a_worker(undisturbed, tmp_path):
     process = started(store, 48, 2)
     for count in (1, 5):
         wait_for(store, count, process)
-        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-        workers = [int(c) for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
-        if workers:
+        if workers := children_of(process.pid):
             os.kill(workers[-1], signal.SIGKILL)
     _, said = process.communicate(timeout=300)
     assert process.returncode == 0, said
     assert arrays_of(store) == arrays_of(undisturbed)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_processes_write_the_same_bytes(undisturbed, tmp_path, workers):
-    finished(tmp_path / "study.zarr", 48, workers)
-    assert files_of(tmp_path / "study.zarr") == files_of(undisturbed)
+class Late(ThreadPoolExecutor):
+    """Threads that wait, each task for as long as chance has it: they end in another order."""
+
+    def __init__(self, workers):
+        super().__init__(workers)
+        self._draw = random.Random(5)
+
+    def submit(self, fn, /, *args, **kwargs):
+        wait = self._draw.random() / 10
+        return super().submit(lambda: (time.sleep(wait), fn(*args, **kwargs))[1])
 
 
-def test_threads_write_the_same_bytes(undisturbed, tmp_path):
-    with ThreadPoolExecutor(1) as one:
-        campaign(48).run(tmp_path / "one.zarr", executor=one)
-    assert files_of(tmp_path / "one.zarr") == files_of(undisturbed)
+ENGINES = {
+    "threads": ThreadPoolExecutor,
+    "late threads": Late,
+    "processes": lambda workers: nj.campaign.processes(workers)(),
+    "Dask": local_client,
+}
+
+DIFFERENT = {"right": campaigns.RIGHT, "wrong": nj.ImuErrors("WN(sigma2=1e-1)", "WN(sigma2=1e-2)", campaigns.RATE)}
+STOP = "significant"
 
 
-def test_dask_writes_the_same_bytes(undisturbed, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
-        assert campaign(48).run(tmp_path / "dask.zarr", executor=client).complete
-    assert files_of(tmp_path / "dask.zarr") == files_of(undisturbed)
+def to_be_stopped():
+    return campaign(512, filters=DIFFERENT)
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """Chunks up to the look that told two filters apart, by the threads of this process."""
+    study, store = to_be_stopped(), tmp_path_factory.mktemp("stopped") / "study.zarr"
+    assert study.run(store, stop=STOP).complete
+    looks = study.comparison(stop=STOP).stopped.looks
+    assert 1 < len(looks) < len(nj.simulation.Significant().looks(512)), "this is about a stop at neither end"
+    return store
+
+
+@pytest.mark.parametrize("workers", [1, 2, 8])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_engines_and_their_workers_change_no_bit_and_no_stop(undisturbed, stopped, tmp_path, engine, workers):
+    if engine == "Dask":
+        pytest.importorskip("distributed")
+    study = to_be_stopped()
+    with within(LIMIT), ENGINES[engine](workers) as executor:
+        assert campaign(48).run(tmp_path / "all.zarr", executor=executor).complete
+        assert study.run(tmp_path / "stopped.zarr", executor=executor, stop=STOP).complete
+    assert files_of(tmp_path / "all.zarr") == files_of(undisturbed)
+    assert files_of(tmp_path / "stopped.zarr") == files_of(stopped)
+    assert study.comparison(stop=STOP).stopped == nj.Campaign.open(stopped).comparison(stop=STOP).stopped
+
+
+def test_kill_9_of_workers_clients_and_schedulers_of_dask(tmp_path):
+    """In turn, and of all: what is whole stays, at most what the two workers had is done twice, and nobody hangs.
+
+    Each comes when there is work under way: ten chunks of 4 runs for each, and after three to five more of them, of
+    which those that had a client that was killed do two at most.
+    """
+    pytest.importorskip("distributed")
+    draw, store, undisturbed = random.Random(11), tmp_path / "study.zarr", tmp_path / "undisturbed.zarr"
+    num_kills, kills, seen, client = 20, 0, {}, None
+    num_runs = 40 * (num_kills + 1)
+    with cluster(tmp_path, seconds=1800) as dask:
+        while kills < num_kills:
+            client = client or started(store, num_runs, dask.address)
+            wait_for(store, len(seen) + draw.choice([3, 4, 5]), client)
+            time.sleep(0.05 * draw.random())
+            assert client.poll() is None, client.stderr.read()
+            which = ("worker", "client", "scheduler", "all")[kills % 4]
+            if which == "worker" and not dask.kill_worker(draw.randrange(2)):
+                continue  # it is only beginning
+            kills += 1
+            if which == "scheduler":
+                dask.kill_scheduler()
+                said = client.communicate(timeout=120)[1]
+                assert client.returncode == 1
+                assert "what is whole in" in said.splitlines()[-1], said
+            elif which != "worker":
+                os.killpg(client.pid, signal.SIGKILL)
+                client.communicate()
+            if which == "all":
+                dask.kill_all()
+            if which in ("scheduler", "all"):
+                dask.start()
+            client = client if which == "worker" else None
+            now = marks(store) if store.exists() else {}
+            assert sum(now[chunk] != when for chunk, when in seen.items()) <= 2, which
+            seen = now
+        if client is not None:
+            client.communicate(timeout=LIMIT)
+        finished(store, num_runs, dask.address)
+    finished(undisturbed, num_runs)
+    assert arrays_of(store) == arrays_of(undisturbed)
+    assert not nj.Campaign.open(store).status().num_missing
+
+
+def test_a_cluster_whose_workers_are_gone(tmp_path):
+    """The campaign ends in a sentence, and goes on with whoever is there."""
+    distributed, config = pytest.importorskip("distributed"), pytest.importorskip("dask.config")
+    store = tmp_path / "study.zarr"
+    ended = r"^No worker of the Dask cluster at tcp://\S+ has taken tasks for 5 s while it had one of the chunks drive"
+    with cluster(tmp_path) as dask, distributed.Client(dask.address) as client:
+
+        def kills(done, total):
+            if done == 2:
+                dask.kill_workers()
+
+        with (
+            config.set({"distributed.scheduler.no-workers-timeout": "5s"}),
+            pytest.raises(RuntimeError, match=f"{ended}.*: what is whole in .*study.zarr is kept"),
+        ):
+            campaign(400).run(store, executor=client, progress=kills)
+    assert 0 < nj.Campaign.open(store).status().num_missing <= 98
+    campaign(400).run(store)
+    campaign(400).run(tmp_path / "undisturbed.zarr")
+    assert arrays_of(store) == arrays_of(tmp_path / "undisturbed.zarr")
+
+
+@pytest.mark.parametrize("step", [1, 50])
+def test_a_process_that_ends_after_any_file_operation(tmp_path, step):
+    """Truly, with `os._exit`: what it leaves is gone on with by another process."""
+    command = [sys.executable, exits_of_campaigns.__file__, str(tmp_path), str(step)]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=1800)
+    assert said.returncode == 0, said.stderr
+    assert int(said.stdout) > 300
 
 
 @pytest.mark.parametrize("how", ["truncated", "deleted", "flipped"])
@@ -232,7 +338,8 @@ def test_the_guide_to_slurm_with_workers_of_this_machine(undisturbed, tmp_path, 
     jobqueue_cluster = jobqueue.SLURMCluster
     monkeypatch.setattr(jobqueue, "SLURMCluster", here)
     monkeypatch.chdir(tmp_path)
-    exec(guide()[0], {"study": campaign(48)})
+    with within(LIMIT):
+        exec(guide()[0], {"study": campaign(48)})
     assert files_of(tmp_path / "study.zarr") == files_of(undisturbed)
     for said in ("--cpus-per-task=8", "--nworkers 8", "--nthreads 1", "-t 02:00:00", "export GMWM_JAX_NUM_THREADS=1"):
         assert said in scripts[0]
