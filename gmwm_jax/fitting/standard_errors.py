@@ -262,6 +262,6 @@ def conditional_fits(
         # as one batch of decompositions: of two, each may hold a thread of XLA's and wait for one (`few_at_a_time`)
         both = jnp.stack([free, free | tested])
         B, unseen = jax.vmap(lambda taken: _estimator(jnp.where(taken[None, :], A, 0.0), whitener))(both)
-        return ConditionalFits(moved(eta), jax.jacfwd(moved)(eta), variance(eta), *B, unseen[1])
+        return ConditionalFits(moved(eta), jax.jacfwd(moved)(eta), variance(eta), B[0], B[1], unseen[1])
 
     return jax.vmap(at)(places)
