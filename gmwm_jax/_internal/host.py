@@ -22,21 +22,10 @@ QUICKLY: Options = {"xla_backend_optimization_level": 0} | SOONER
 """For one that runs for less than a millisecond, and whose compilation is what a user waits for."""
 
 
+_NO_SUCH = "No such compile option"
+"""What a version of XLA says that has another name for one: all that options change is time, and it does without."""
+
 _NOTHING = np.zeros(0)
-
-
-def understood(options: Options) -> Options:
-    """The options, or none of them where XLA does not know one any more: all that they change is the time it takes."""
-    return options if _are_known(tuple(options.items())) else {}
-
-
-@functools.cache
-def _are_known(options: tuple[tuple[str, Any], ...]) -> bool:
-    try:
-        jax.jit(lambda: 0, compiler_options=dict(options)).lower().compile()
-    except jax.errors.JaxRuntimeError:
-        return False
-    return True
 
 
 def compiled_quickly(
@@ -60,17 +49,23 @@ def compiled_sooner(f: Callable[_P, _T]) -> Callable[_P, _T]:
 
 
 def _compiled(f: Any, within: Any, jit: Callable[..., Any], options: Options) -> Any:
-    @functools.cache
-    def alone() -> Any:
-        return jit(compiler_options=understood(options))
+    alone = [jit(compiler_options=options)]
 
     def program() -> Any:
         # equinox has no public way to forget the programs of one function
-        return getattr(alone(), "_cached", alone())
+        return getattr(alone[0], "_cached", alone[0])
 
     @functools.wraps(f)
     def call(*values: Any, **named: Any) -> Any:
-        return (within if is_traced(*values, *named.values()) else alone())(*values, **named)
+        if is_traced(*values, *named.values()):
+            return within(*values, **named)
+        try:
+            return alone[0](*values, **named)
+        except jax.errors.JaxRuntimeError as error:
+            if _NO_SUCH not in str(error):
+                raise
+            alone[0] = jit()
+            return alone[0](*values, **named)
 
     # of the program that it is outside
     more = {"_cache_size": lambda: program()._cache_size(), "clear_cache": lambda: program().clear_cache()}

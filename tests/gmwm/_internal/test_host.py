@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm_jax as gj
-from gmwm_jax._internal.host import QUICKLY, SOONER, compiled_quickly, compiled_sooner, namespace, understood
+from gmwm_jax._internal.host import SOONER, _compiled, compiled_quickly, compiled_sooner, namespace
 
 
 @pytest.mark.parametrize(("name", "value"), [("log", 0.0), ("exp", 1000.0), ("arctanh", 1.0), ("sqrt", -1.0)])
@@ -63,7 +63,15 @@ def test_what_is_compiled_sooner_is_a_part_of_what_is_traced_and_compiled_once_t
 
 
 def test_options_that_this_version_of_xla_lacks_are_left_out():
-    """They make it faster and change nothing else, so that a later version may do without them."""
-    assert understood(QUICKLY) == QUICKLY
-    assert understood(SOONER) == SOONER
-    assert understood(SOONER | {"xla_cpu_of_another_age": True}) == {}
+    """They make it faster and change nothing else, so that a later version may do without them; other errors stay."""
+
+    def doubled(x):
+        return 2.0 * x
+
+    double = _compiled(doubled, doubled, lambda **how: jax.jit(doubled, **how), SOONER | {"xla_of_another_age": True})
+    for _ in range(2):
+        np.testing.assert_array_equal(double(np.ones(3)), 2.0)
+    assert double._cache_size() == 1
+    refuse = _compiled(doubled, doubled, lambda **how: jax.jit(doubled, **how), {"xla_backend_optimization_level": "x"})
+    with pytest.raises(jax.errors.JaxRuntimeError, match="not a valid"):
+        refuse(np.ones(3))
