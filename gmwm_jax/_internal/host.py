@@ -1,6 +1,5 @@
 """Single numbers are computed by NumPy: an operation of jax.numpy outside of jit is a program, to be compiled alone."""
 
-import functools
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
@@ -16,11 +15,8 @@ _T = TypeVar("_T")
 Options = dict[str, Any]
 
 SOONER: Options = {"xla_cpu_use_fusion_emitters": False}
-"""For `jax.jit(compiler_options=)` of a program whose time is that of loops: they run as fast, and are compiled in two
-thirds of the time."""
-QUICKLY: Options = {"xla_backend_optimization_level": 0} | SOONER
-"""For one that runs for less than a millisecond, and whose compilation is what a user waits for."""
-
+"""For `jax.jit(compiler_options=)` of a program whose time is that of loops: they run as fast, and a first call takes
+three quarters of the processor time."""
 
 _NO_SUCH = "No such compile option"
 """What a version of XLA says that has another name for one: all that options change is time, and it does without."""
@@ -31,11 +27,11 @@ _NOTHING = np.zeros(0)
 def compiled_quickly(
     static_argnums: tuple[int, ...] = (), level: int = 0
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Compile a function as `QUICKLY` says, or a level better.
+    """Compile a function that runs for less than a millisecond, by the first of XLA's levels or by another one.
 
-    Inside of another program, whose options hold, it is traced as it is.
+    Its compilation is what a user waits for. Inside of another program, whose options hold, it is traced as it is.
     """
-    options = QUICKLY | {"xla_backend_optimization_level": level}
+    options = SOONER | {"xla_backend_optimization_level": level}
 
     def decorate(f: Callable[..., Any]) -> Callable[..., Any]:
         return _compiled(f, f, lambda **how: jax.jit(f, static_argnums=static_argnums, **how), options)
@@ -55,7 +51,7 @@ def _compiled(f: Any, within: Any, jit: Callable[..., Any], options: Options) ->
         # equinox has no public way to forget the programs of one function
         return getattr(alone[0], "_cached", alone[0])
 
-    @functools.wraps(f)
+    @wraps(f)
     def call(*values: Any, **named: Any) -> Any:
         if is_traced(*values, *named.values()):
             return within(*values, **named)

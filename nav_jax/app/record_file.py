@@ -216,7 +216,7 @@ class FixesSection(Aiding):
         if sensor.states and len(fixes.time) > 1:  # whose models are per fix
             rate = float(1 / np.median(np.diff(fixes.time)))
             fixes = replace(fixes, sensor=self.sensor(rate, **self.given(*options)))  # type: ignore[call-arg]
-        return fixes, _record_of(fixes)
+        return fixes, _record_of(fixes, origin)
 
     def gnss(self, folder: Path, origin: Sequence[float] | None) -> GnssRecord | None:
         """Positions and velocities of a receiver, be it by its file or by a table, on its own clock; or None."""
@@ -247,13 +247,14 @@ class FixesSection(Aiding):
         return record.fixes(position, velocity, **options), record
 
 
-def _record_of(fixes: Fixes) -> GnssRecord | None:
-    """What a table of fixes says of where a receiver is; None of a sensor without positions."""
+def _record_of(fixes: Fixes, origin: Sequence[float] | None) -> GnssRecord | None:
+    """What a table of fixes, about an origin if one is known, says of a receiver; None of one without positions."""
     parts = fixes.sensor.parts if isinstance(fixes.sensor, AbstractReceiver) else ()
     if "position" not in parts:
         return None
     position, *velocity = np.split(fixes.value, len(parts), axis=1)
-    return GnssRecord(fixes.time, position, velocity=velocity[0] if velocity else None)
+    about = None if origin is None else np.array(origin)
+    return GnssRecord(fixes.time, position, about, velocity=velocity[0] if velocity else None)
 
 
 def _fixes_section(kind: str, section: type[Aiding]) -> Any:
