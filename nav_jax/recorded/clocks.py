@@ -48,8 +48,8 @@ _NEAR = 0.25
 """s, over twice which to each side a turn rate is taken: less is noise, and more rounds off how turns begin."""
 
 _SLIP = (0.003, 0.002)
-"""rad per m/s^2 to the side, of rear tyres, and how far others are from it: 0 if they are rigid, 0.006 if soft. Set with
-two recordings of cars at hand, which have 0.003 and 0.0055 and so do not confirm it."""
+"""rad per m/s^2 to the side, of rear tyres, and how far others are from it: 0 if they are rigid, 0.006 if soft. Set
+with two recordings of cars at hand, which have 0.003 and 0.0055 and so do not confirm it."""
 
 _MOVING = 1.5
 """m/s, from which a velocity has a course."""
