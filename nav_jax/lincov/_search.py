@@ -14,10 +14,10 @@ from jaxtyping import Array, Float, Int
 from gmwm_jax._internal.programs import bounded
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment
+from nav_jax.filter.joint_covariance import Noise, covariances_along
 from nav_jax.imu.bank import SensorBank
 from nav_jax.kinematics.linalg import log_det_and_trace
 from nav_jax.lincov._family import Family, Start, Structure
-from nav_jax.lincov.covariance import Noise, covariances_along
 
 _BROKEN = 1e10
 """Loss of a filter that breaks down: as bad as can be."""

@@ -18,13 +18,13 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.experiment import Setup, check_rates, named_filters
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.joint_covariance import Lincov, linear_covariance, motion_of
 from nav_jax.filter.layout import GROUPS, JUDGED, NAVIGATION, ON_CHANNELS, channel_columns
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.channels import CHANNELS, NAMES
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.output import warn_of_range
 from nav_jax.imu.recorded import RecordedErrors
-from nav_jax.lincov.covariance import Lincov, linear_covariance, motion_of
 from nav_jax.statistics.distributions import chi2_quantile, weighted_chi2_cdf
 from nav_jax.statistics.epochs import Judged
 
@@ -268,7 +268,7 @@ def analyse(
 ) -> Analysis:
     """Compute the true and the claimed covariance of filters that believe other noise models than the truth.
 
-    Exact to first order in the errors, see `lincov.covariance`; for what is beyond that `compare` runs a Monte Carlo.
+    Exact to first order in the errors, see `linear_covariance`; for what is beyond that `compare` runs a Monte Carlo.
 
     Parameters
     ----------

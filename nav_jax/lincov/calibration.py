@@ -24,11 +24,11 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup
+from nav_jax.filter.joint_covariance import covariances_of_many, motion_of, noise_of
 from nav_jax.filter.layout import QUANTITIES
 from nav_jax.filter.parameters import ErrorLines
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
-from nav_jax.lincov.covariance import covariances_of_many, motion_of, noise_of
 from nav_jax.lincov.derivatives import rms_of
 from nav_jax.statistics.epochs import Judged
 

@@ -23,6 +23,7 @@ from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.error_model import Motion
 from nav_jax.filter.experiment import Experiment, Setup, check_rates
 from nav_jax.filter.initial import InitialUncertainty
+from nav_jax.filter.joint_covariance import Noise, covariances_along, motion_of, noise_of
 from nav_jax.filter.layout import NAVIGATION, QUANTITIES
 from nav_jax.filter.parameters import AidingLines, ErrorLines
 from nav_jax.filter.scenario import Scenario
@@ -30,7 +31,6 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.output import warn_of_range
 from nav_jax.kinematics.linalg import root
 from nav_jax.lincov.analysis import model_of
-from nav_jax.lincov.covariance import Noise, covariances_along, motion_of, noise_of
 from nav_jax.statistics.epochs import Judged
 
 

@@ -29,13 +29,13 @@ from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from nav_jax.filter.experiment import Setup
+from nav_jax.filter.joint_covariance import motion_of, noise_of
 from nav_jax.filter.scenario import Scenario
 from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.noise_models import states_in_filter
 from nav_jax.lincov._family import Family, Structure
 from nav_jax.lincov._search import Course, Ended, Search
 from nav_jax.lincov.analysis import Covariances, analyse, model_of
-from nav_jax.lincov.covariance import motion_of, noise_of
 from nav_jax.simulation.campaign import compare
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.statistics.epochs import inside_outages

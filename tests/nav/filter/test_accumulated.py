@@ -14,10 +14,10 @@ from gmwm_jax import RW
 from nav_jax.filter.accumulated import accumulates
 from nav_jax.filter.between import Between
 from nav_jax.filter.error_model import Covariance, Motion, blocks, full
+from nav_jax.filter.joint_covariance import _joint, noise_of
 from nav_jax.imu.bank import alone, step_noises
 from nav_jax.imu.channels import NO_CHANNEL
 from nav_jax.kinematics.earth import EarthInLoops
-from nav_jax.lincov.covariance import _joint, noise_of
 
 WHITE = "WN(sigma2=1e-4)"
 TWO = WHITE + " + RW(gamma2=1e-6) + GM(beta=0.05, variance=1e-3)"

@@ -14,7 +14,7 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
-from nav_jax.lincov.covariance import covariances_along, noise_of
+from nav_jax.filter.joint_covariance import covariances_along, noise_of
 from nav_jax.statistics.distributions import weighted_chi2_cdf
 
 START = nj.InitialUncertainty(0.05, 0.02, np.deg2rad([0.1, 0.1, 0.5]))

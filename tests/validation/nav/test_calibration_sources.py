@@ -13,8 +13,8 @@ from nav import setups
 
 import gmwm_jax as gj
 import nav_jax as nj
+from nav_jax.filter.joint_covariance import linear_covariance
 from nav_jax.filter.parameters import ErrorLines
-from nav_jax.lincov.covariance import linear_covariance
 
 RUNS = 400
 ARCSEC, MGAL = np.deg2rad(1 / 3600), 1e-5
