@@ -39,9 +39,14 @@ def compiled_quickly(
     return decorate
 
 
-def compiled_sooner(f: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Compile a function as `equinox.filter_jit`, and as `SOONER` says where it is no part of another program."""
-    return _compiled(f, eqx.filter_jit(f), lambda **how: eqx.filter_jit(f, **how), SOONER)
+def compiled_sooner(f: Callable[_P, _T], *, level: int | None = None) -> Callable[_P, _T]:
+    """Compile a function as `equinox.filter_jit`, and as `SOONER` says where it is no part of another program.
+
+    By another one of XLA's levels where the time that its last one takes, over hashes of random numbers above all, is
+    never earned back.
+    """
+    options = SOONER if level is None else SOONER | {"xla_backend_optimization_level": level}
+    return _compiled(f, eqx.filter_jit(f), lambda **how: eqx.filter_jit(f, **how), options)
 
 
 def _compiled(f: Any, within: Any, jit: Callable[..., Any], options: Options) -> Any:

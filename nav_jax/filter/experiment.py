@@ -218,7 +218,7 @@ def _step(p: Array, v: Array, q: Array, gyro: Array, accel: Array, dt: Array, ea
 
 
 @bounded
-@compiled_sooner
+@partial(compiled_sooner, level=1)
 def draw_inputs(experiment: Experiment, truth: ImuErrors | RecordedErrors, keys: Key[Array, " R"]) -> Inputs:
     """Draw the inputs of R runs, the same for every filter: initial errors, sensor errors, measurements.
 

@@ -348,11 +348,14 @@ def emulate(
     names = [str(state) for state in bank.states] + [f"{channel} white" for channel in CHANNELS]
     start = Streams.of([f"{n} start" for n in names])
     deviation = start.of_names(start.draw(words, jnp.uint32(0))).astype(bank.initial.dtype)
-    size, gain, white = len(bank.states), factor(bank.driving), root(bank.white)[:, None]
-    x = factor(bank.initial) @ deviation[:size]
+    size, white = len(bank.states), root(bank.white)[:, None]
+    if bank.diagonal:
+        gain, x = root(jnp.diag(bank.driving)), root(jnp.diag(bank.initial))[:, None] * deviation[:size]
+    else:
+        gain, x = factor(bank.driving), factor(bank.initial) @ deviation[:size]
     return DrawnErrors(
         bank=bank,
-        gain=jnp.diag(gain) if bank.diagonal else gain,
+        gain=gain,
         white=white,
         x=x,
         total=bank.steady(x) + white * deviation[size:],

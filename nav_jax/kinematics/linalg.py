@@ -4,6 +4,7 @@ At 24 states and hundreds of runs the time goes into 3 x 3 blocks. Calls of LAPA
 products, cost several times the arithmetic; sums of three products do not.
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -29,16 +30,19 @@ def whiten(P: Float[Array, "K K Q"], e: Float[Array, "K R"]) -> Float[Array, "K 
     y = D^(-1/2) L^-1 e with P = L D L', so the sum over the first k is the form of the leading k x k block. Q is R,
     or 1 for a matrix that all runs share. NaN from the first pivot on that is not positive: P is singular there.
     """
-    y = []
-    while P.shape[0]:
-        pivot, row = P[0, 0], P[0]
+    number = jnp.arange(P.shape[0])
+
+    def eliminate(left, k):
+        P, e = left
+        pivot, row = P[k, k], P[k]
         good = pivot > 0
         safe = jnp.where(good, pivot, 1.0)
-        y.append(jnp.where(good, e[0] / jnp.sqrt(safe), jnp.nan))
-        column = P[1:, 0] / safe[None]
-        # what is left of the others once the first is known
-        P, e = P[1:, 1:] - column[:, None] * row[None, 1:], e[1:] - column * e[:1]
-    return jnp.stack(y)
+        y = jnp.where(good, e[k] / jnp.sqrt(safe), jnp.nan)
+        # what is left of the others once this one is known; nobody asks again for those before
+        column = P[:, k] / safe[None]
+        return (P - column[:, None] * row[None], e - column * e[k][None]), y
+
+    return jax.lax.scan(eliminate, (P, e), number)[1]
 
 
 def log_det_and_trace(
@@ -65,17 +69,18 @@ def factor(P: Float[Array, "K K"]) -> Float[Array, "K K"]:
     Unlike a library's Cholesky it takes singular matrices (a state known exactly, two that are one) and has finite
     derivatives there.
     """
-    size = P.shape[0]
-    columns = []
-    for k in range(size):
+    number = jnp.arange(P.shape[0])
+
+    def eliminate(P, k):
         pivot = P[k, k]
         positive = pivot > 0
         safe = jnp.where(positive, pivot, 1.0)
         column = jnp.where(positive, P[:, k] / jnp.sqrt(safe), 0.0)
-        columns.append(column)
-        P = P - column[:, None] * column[None, :]
-        P = P.at[k].set(0.0).at[:, k].set(0.0)
-    return jnp.stack(columns, axis=1) if columns else P
+        rest = number != k
+        return jnp.where(rest[:, None] & rest[None], P - column[:, None] * column[None], 0.0), column
+
+    # a loop, as 60 states written out take seconds to compile
+    return jax.lax.scan(eliminate, P, number)[1].T if len(number) else P
 
 
 def root(x: Float[Array, "*R"]) -> Float[Array, "*R"]:
