@@ -54,11 +54,20 @@ def unwrapped(counter: np.ndarray, size: int) -> np.ndarray:
     return counter + np.concatenate([[0], np.cumsum(np.where(steps < -size / 2, size, 0))])
 
 
+def over_weeks(seconds: np.ndarray) -> np.ndarray:
+    """Return seconds of the GPS week that go on where one ends.
+
+    A fall from the last day of a week to the first of the next is the end of a week, and no clock that was reset.
+    """
+    ends = (seconds[:-1] > _WEEK - _DAY) & (seconds[:-1] <= _WEEK) & (seconds[1:] >= 0) & (seconds[1:] < _DAY)
+    return seconds + np.concatenate([np.zeros(min(1, len(seconds))), np.cumsum(ends * float(_WEEK))])
+
+
 def from_text(texts: np.ndarray) -> np.ndarray:
     """Return timestamps (``datetime64[ns]``), or times of day (``timedelta64[ns]``), from texts.
 
-    Read are ``2026-01-31T13:02:25.964`` (also with a blank, ``Z`` or one offset from UTC), ``31.01.2026 13:02:25``,
-    ``2026/01/31 13:02:25`` and ``13:02:25.964``.
+    Read are ``2026-01-31T13:02:25.964`` (also with a blank, ``Z`` or one offset from UTC, which is taken off),
+    ``31.01.2026 13:02:25``, ``2026/01/31 13:02:25`` and ``13:02:25.964``.
 
     Raises
     ------
@@ -83,7 +92,7 @@ def from_text(texts: np.ndarray) -> np.ndarray:
             f"The column of time holds {wrong!r}, and no number or stamp such as 2026-01-31T13:02:25.964, 31.01.2026 "
             "13:02:25 or 13:02:25.964."
         )
-    return np.array(rows, "datetime64[ns]")
+    return np.array(rows, "datetime64[ns]") - _offset(*zones)
 
 
 def since_first(times: np.ndarray) -> np.ndarray:
@@ -129,6 +138,14 @@ def _of_day(text: str) -> int:
     whole, _, part = (found[3] or "0").partition(".")
     seconds = (int(found[1]) * 60 + int(found[2])) * 60 + int(whole)
     return seconds * 1_000_000_000 + int(part[:9].ljust(9, "0") or "0")
+
+
+def _offset(zone: str) -> np.timedelta64:
+    """By which a zone is ahead of UTC."""
+    if zone in ("", "Z", "UTC"):
+        return np.timedelta64(0, "m")
+    minutes = 60 * int(zone[1:3]) + int(zone[-2:])
+    return np.timedelta64(-minutes if zone[0] == "-" else minutes, "m")
 
 
 def _iso(text: str) -> str:

@@ -177,8 +177,9 @@ def _of_mapping(variables: Mapping[str, np.ndarray], units: Mapping[str, str] | 
     stated = {} if units is None else units
     text = frozenset(i for i, values in enumerate(columns) if values.dtype.kind in "USOb")
     return Columns(
-        tuple(series), len(series), lambda picked: [columns[i] for i in picked], stated, skipped=skipped, text=text
-    )
+        tuple(series), len(series), lambda picked: [columns[i] for i in picked], stated, skipped=skipped, text=text,
+        load_text=lambda i, parse: parse(columns[i].astype(str)),
+    )  # fmt: skip
 
 
 def _of_frame(frame: Any) -> Columns:
@@ -230,7 +231,9 @@ def _open_parquet(file: Path, how: Reading) -> Columns:
 
     kinds = footer.schema.to_arrow_schema().types
     text = frozenset(i for i, kind in enumerate(kinds) if str(kind) in ("string", "large_string", "bool"))
-    return Columns(tuple(names), len(names), load, text=text)
+    return Columns(
+        tuple(names), len(names), load, text=text, load_text=lambda i, parse: parse(load([i])[0].astype(str))
+    )
 
 
 def _in_memory(footer: Any, columns: int) -> int:

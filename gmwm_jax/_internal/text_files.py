@@ -254,7 +254,9 @@ def _by_lines(rows: Iterator[tuple[int, list[str]]], count: int, picked: list[in
         _counted(line, fields, count)
         for i in picked:
             if not fields[i]:
-                raise ValueError(f"Line {line}, column {i} is empty: repair the line or leave the column out.")
+                raise ValueError(
+                    f"Line {line}, column {i} is empty: write nan where there is no value, or leave the column out."
+                )
             if not is_number(fields[i]):
                 hint = " Write decimal commas as points." if is_number(fields[i].replace(",", ".")) else ""
                 raise ValueError(f"Line {line}, column {i} holds the text {fields[i]!r}, not a number.{hint}")

@@ -1,19 +1,20 @@
 """Recorded navigation data from files, tables and arrays: the samples of an IMU, and the fixes of aiding sensors."""
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmwm_jax._internal.checks import require_x64, sampling_rate
-from gmwm_jax._internal.gravity import warn_of_units
+from gmwm_jax._internal.gravity import ImplausibleUnitsWarning, warn_of_units
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
 from gmwm_jax._internal.timing import longest_rise, timing
 from gmwm_jax._internal.typing import Real
-from gmwm_jax.units import counts
+from gmwm_jax.units import counts, time_size
 from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.registry import AIDING
@@ -49,7 +50,8 @@ def read_imu(
 
     Stamps are regressed, not trusted: where they are rounded or jitter, samples get the times of the grid of their
     rate. Of formats, times are seconds of the GPS week (``kf-gins``, ``novatel``) or since 1970 (``ros``, ``euroc``,
-    ``kitti``).
+    ``kitti``), and so are those of timestamps (``2026-01-31T13:02:25.964``, UTC unless they have an offset from it):
+    ``clock="unix"`` of `nav_jax.read_gnss`. Seconds of the GPS week go on over its end.
 
     Parameters
     ----------
@@ -112,6 +114,7 @@ def read_imu(
     try:
         found = _timing(opened.seconds, opened.read, gaps)
         f = found.rate if rate is None else float(sampling_rate(rate))
+        _warn_of_slowness(f)
         gyro, accel = (opened.sensor(*of, f)[found.rows] for of in _SENSORS)
         warn_of_units(gyro, accel)
         warm = opened.read.values["temperature"][found.rows] if "temperature" in opened.read.values else None
@@ -161,6 +164,7 @@ def read_samples(
         if len(opened.seconds) < 2:
             raise ValueError(f"The record has {len(opened.seconds)} samples, and at least two are needed.")
         f = float(1 / np.median(np.diff(opened.seconds))) if rate is None else float(sampling_rate(rate))
+        _warn_of_slowness(f)
         gyro, accel = (opened.sensor(*of, f) for of in _SENSORS)
     except ValueError as error:
         raise _of_file(error, source) from error
@@ -168,6 +172,18 @@ def read_samples(
 
 
 _SENSORS = (("gyro", GYRO), ("accel", ACCEL))
+
+_SLOWEST = 1.0
+"""Hz: 1 kHz by stamps in ms that are taken for seconds, and no IMU that anybody navigates by."""
+
+
+def _warn_of_slowness(rate: float) -> None:
+    if rate <= _SLOWEST:
+        others = " or ".join(f'"{unit}" ({rate / time_size(unit):.4g} Hz)' for unit in ("ms", "us", "ns"))
+        text = (
+            f"The samples come at {rate:.4g} Hz if the column of time is in s. If it is not, state time_unit={others}."
+        )
+        warnings.warn(text, ImplausibleUnitsWarning, stacklevel=3)
 
 
 class _Opened(NamedTuple):
@@ -318,8 +334,9 @@ def read_fixes(
 
 def _seconds(read: Reader) -> np.ndarray:
     """Time on a clock that several files share."""
-    if read.values["time"].dtype.kind in "mM":
-        raise ValueError("Timestamps of several files have no common zero: convert them to seconds on one clock.")
+    values = read.values["time"]
+    if values.dtype.kind == "M":
+        return (values - np.datetime64(0, "s")) / np.timedelta64(1, "s")
     return read.time()
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from gmwm_jax._internal.checks import real_array
 from gmwm_jax._internal.columns import Columns, plain_name
 from gmwm_jax._internal.imu_names import role_of
+from gmwm_jax._internal.stamps import from_text, over_weeks, unwrapped
 from gmwm_jax.units import names as units_of
 from gmwm_jax.units import size, time_size, written
 
@@ -73,6 +74,9 @@ _SI = {
 }
 """Quantity -> the SI unit that measures it."""
 
+_DAY = 86_400
+"""s, after which times of the day begin anew."""
+
 _INCREMENTS = {"rad/s": "rad", "m/s^2": "m/s"}
 """SI unit of an inertial sensor -> that of its increments per sample."""
 
@@ -97,7 +101,11 @@ class Reader:
 
     def __init__(self, table: Columns, numbers: Mapping[str, int], angles: Any, time_unit: str | None):
         self.table, self.numbers, self.time_unit = table, numbers, time_unit
-        self.values = dict(zip(numbers, table.load(list(numbers.values())), strict=True))
+        written = numbers.get("time") if numbers.get("time") in table.text else None
+        told = {quantity: i for quantity, i in numbers.items() if i != written}
+        self.values = dict(zip(told, table.load(list(told.values())), strict=True))
+        if written is not None:
+            self.values["time"] = table.load_text(written, from_text)
         by_kind = angles if isinstance(angles, Mapping) else {"position": angles, "attitude": angles}
         if not set(by_kind) <= {"position", "attitude"}:
             raise ValueError(f'angles has the keys "position" and "attitude", and these are {list(by_kind)}.')
@@ -113,16 +121,16 @@ class Reader:
         if values.dtype.kind == "M":
             return (values - values[:1]) / np.timedelta64(1, "s")
         if values.dtype.kind == "m":
-            return values / np.timedelta64(1, "s")
+            return unwrapped(values / np.timedelta64(1, "s"), _DAY)
         stated = self._stated("time")
         if self.time_unit is not None:
             time_size(self.time_unit)  # known
         unit = self._agreed("time", stated, self.time_unit, "time_unit") or "s"
-        return real_array("The column of time", values, (None,)) * size(unit, "s")
+        return over_weeks(real_array("The column of time", values, (None,)) * size(unit, "s"))
 
-    def three(self, names: Sequence[str]) -> np.ndarray:
-        """Columns side by side, (N, number of names)."""
-        return np.stack([self._si(name) for name in names], axis=1)
+    def three(self, names: Sequence[str], *, missing: bool = False) -> np.ndarray:
+        """Columns side by side, (N, number of names), in which values may be missing (NaN) where that is said."""
+        return np.stack([self._si(name, missing) for name in names], axis=1)
 
     def sensor(
         self, names: Sequence[str], unit: str | None, argument: str, rate: float = 1.0, count: float = 1.0
@@ -146,8 +154,11 @@ class Reader:
             columns.append(factor * real_array(f"The column of {name}", self.values[name], (None,)))
         return np.stack(columns, axis=1)
 
-    def _si(self, name: str) -> np.ndarray:
-        values = real_array(f"The column of {name}", self.values[name], (None,))
+    def _si(self, name: str, missing: bool) -> np.ndarray:
+        values = self.values[name]
+        gone = np.isnan(values) & missing if values.dtype.kind == "f" else np.zeros(values.shape, dtype=bool)
+        values = real_array(f"The column of {name}", np.where(gone, 0.0, values) if gone.any() else values, (None,))
+        values = np.where(gone, np.nan, values)
         unit = self._stated(name)
         if _SI[name] != "rad":
             return values * (size(unit, _SI[name]) if unit else 1.0)

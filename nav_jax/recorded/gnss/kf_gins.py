@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gmwm_jax._internal.stamps import over_weeks
 from gmwm_jax._internal.text_files import open_text
 from gmwm_jax._internal.text_source import text_source
 from nav_jax.recorded.gnss.raw import Asked, RawFixes, diagonal
@@ -23,7 +24,7 @@ def read_kf_gins(file: Path, asked: Asked) -> RawFixes:
             f"standard deviations, or 13 with velocities, and this one has {table.count}."
         )
     values = np.column_stack(table.load(list(range(table.count))))
-    seconds = values[:, 0]
+    seconds = over_weeks(values[:, 0])
     if (seconds < 0).any() or (seconds > 2 * WEEK).any():
         raise ValueError(f"The first column is seconds of the GPS week, and reaches from {seconds.min():g} to "
                          f"{seconds.max():g}.")  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 
 from gmwm_jax._internal.optional import import_optional
 from gmwm_jax._internal.text_source import numbered_lines
-from nav_jax.recorded.gnss.raw import Asked, RawFixes, diagonal
+from nav_jax.recorded.gnss.raw import Asked, IncompleteLogWarning, RawFixes, diagonal
 from nav_jax.recorded.gnss.time_scales import DAY, from_calendar
 
 KINDS = {1: "single", 2: "dgps", 3: "pps", 4: "fix", 5: "float", 6: "estimated", 7: "manual", 8: "simulated"}
@@ -23,10 +23,6 @@ _REST = 0.2
 """m/s, below which a speed without a course is none."""
 
 _READ = ("GGA", "GST", "RMC", "ZDA")
-
-
-class IncompleteLogWarning(UserWarning):
-    """A warning that sentences with a wrong checksum, or fixes without all of theirs, were left out."""
 
 
 def read_nmea(file: Path, asked: Asked) -> RawFixes:

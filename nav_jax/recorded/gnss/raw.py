@@ -12,6 +12,10 @@ from nav_jax.recorded.gnss.time_scales import Epochs
 Matrices = Float64[np.ndarray, "F 3 3"]
 
 
+class IncompleteLogWarning(UserWarning):
+    """A warning that lines that are corrupt, and fixes that are not whole, were left out."""
+
+
 class Asked(NamedTuple):
     """What a reader may need beside the file."""
 

@@ -59,12 +59,13 @@ def read_gnss(
     clock
         What the times of the result count: ``week`` (seconds of the GPS week of the first fix, unless told otherwise),
         ``gps`` (since 1980), ``unix`` (UTC since 1970), ``day`` (of the UTC day) or ``first`` (since the first fix).
-        Bare seconds of a file stay as they are, whatever they count; only ``first`` can be asked of them.
+        Bare seconds of a file stay as they are, whatever they count; only ``first`` can be asked of them. Texts of date
+        and time in a table are UTC, unless they have an offset from it.
     origin
         Latitude, longitude (rad) and height (m); the first fix unless given. Positions that are local already stay as
         they are, about this origin.
     date
-        ``2024-07-08``: of the first fix, in UTC, for NMEA sentences without a date.
+        ``2024-07-08``: of the first fix, in UTC, for NMEA sentences and texts of a table without a date.
     week
         GPS week of the first fix, for files with seconds of the week that are wanted on another clock.
     columns, angles, time_unit, delimiter, header, variable
@@ -117,6 +118,12 @@ def _date(text: Any) -> np.datetime64:
 
 def _record(raw: RawFixes, clock: str | None, origin: Any, name: str) -> GnssRecord:
     time, counted = _time(raw, clock)
+    if (falls := np.flatnonzero(np.diff(time) < 0)).size:
+        i = int(falls[0]) + 1
+        raise ValueError(
+            f"Time falls back at index {i}: {time[i - 1]:.10g} s is followed by {time[i]:.10g} s. The fixes are not in "
+            "the order of their times, or the clock was reset."
+        )
     center = None if origin is None else checked_origin(origin)
     position, turn, center = _local(raw, center)
     if center is not None:

@@ -1,17 +1,22 @@
 """Fixes from tables with named columns: CSV and everything else that the reader of tables opens.
 
 Positions are latitude, longitude, height; or north, east, down; or east, north, up; or ECEF x, y, z. There may be
-standard deviations, a velocity (down or up) with its own, a quality and a number of satellites.
+standard deviations, a velocity (down or up) with its own, a quality and a number of satellites. Times are seconds, or
+texts of UTC. Rows without a position, and those that have latitude and longitude 0, as receivers write before they have
+one, are no fixes and are left out with a warning.
 """
 
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from gmwm_jax._internal.reading import Reading
+from gmwm_jax._internal.stamps import unwrapped
 from gmwm_jax._internal.tabular import open_source
-from nav_jax.recorded.gnss.raw import ENU, Asked, RawFixes, diagonal
-from nav_jax.recorded.gnss.time_scales import from_calendar
+from nav_jax.recorded.gnss.raw import ENU, Asked, IncompleteLogWarning, RawFixes, diagonal
+from nav_jax.recorded.gnss.time_scales import DAY, Epochs, from_calendar
 from nav_jax.trajectory.columns import (
     ECEF,
     LOCAL_UP,
@@ -48,20 +53,24 @@ def read_table(file: Path, asked: Asked) -> RawFixes:
         )
     at = present(table, asked.columns or {}, _QUANTITIES)
     frame, names = _position(at, table.names)
+    if "time" not in at:
+        seen = "" if table.names is None else f" among {', '.join(table.names)}"
+        raise ValueError(f"No column is found for time{seen}: name it as in columns={{'time': ...}}.")
     velocity = next((v for v in (VELOCITY, VELOCITY_UP) if set(v) <= set(at)), None)
     read = Reader(table, at, asked.angles, asked.time_unit)
+    read.values = _of_fixes(read.values, names)
     position = read.three(names)
     down = ENU if names[-1] == "up" else np.eye(3)
-    time = read.values["time"]
-    is_stamp = time.dtype.kind == "M"
+    epochs = _epochs(read.values["time"], asked.date)
+    speeds = None if velocity is None else read.three(velocity, missing=True)
     return RawFixes(
         position @ down.T,
         frame,
-        _stamps(time) if is_stamp else None,
-        None if is_stamp else read.time(),
+        epochs,
+        read.time() if epochs is None else None,
         covariance=diagonal(read.three(POSITION_SD)) if set(POSITION_SD) <= set(at) else None,
-        velocity=None if velocity is None else read.three(velocity) * [1, 1, -1 if velocity is VELOCITY_UP else 1],
-        velocity_covariance=diagonal(read.three(VELOCITY_SD)) if set(VELOCITY_SD) <= set(at) else None,
+        velocity=None if speeds is None else speeds * [1, 1, -1 if velocity is VELOCITY_UP else 1],
+        velocity_covariance=diagonal(read.three(VELOCITY_SD, missing=True)) if set(VELOCITY_SD) <= set(at) else None,
         quality=_whole(read.values["quality"]) if "quality" in at else None,
         satellites=np.asarray(read.values["satellites"], dtype=float) if "satellites" in at else None,
     )
@@ -79,11 +88,36 @@ def _position(at: dict[str, int], written: tuple[str, ...] | None) -> tuple[str,
     )
 
 
-def _stamps(time: np.ndarray):
-    """UTC."""
-    moments = time.astype("datetime64[ns]")
-    days = moments.astype("datetime64[D]")
-    return from_calendar(days, (moments - days) / np.timedelta64(1, "s"), "UTC")
+def _of_fixes(values: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The rows that have a position."""
+    position = [values[name] for name in names]
+    lacking = np.any(
+        [np.isnan(p) for p in position if p.dtype.kind == "f"] or [np.zeros(len(position[0]), bool)], axis=0
+    )
+    if names == POSITION["geodetic"]:
+        lacking |= (position[0] == 0) & (position[1] == 0)
+    if lacking.all():
+        raise ValueError(f"None of the {len(lacking)} rows has a position.")
+    if lacking.any():
+        warnings.warn(
+            f"{lacking.sum()} of {len(lacking)} rows have no position (NaN, or latitude and longitude 0), the first at "
+            f"index {int(lacking.argmax())}, and are left out.",
+            IncompleteLogWarning,
+            stacklevel=2,
+        )
+    return {name: v[~lacking] for name, v in values.items()}
+
+
+def _epochs(time: np.ndarray, date: np.datetime64 | None) -> Epochs | None:
+    """Instants of UTC; None of numbers, and of times of a day that nobody tells."""
+    if time.dtype.kind == "M":
+        moments = time.astype("datetime64[ns]")
+        days = moments.astype("datetime64[D]")
+        return from_calendar(days, (moments - days) / np.timedelta64(1, "s"), "UTC")
+    if time.dtype.kind == "m" and date is not None:
+        of_day = unwrapped(time / np.timedelta64(1, "s"), DAY)
+        return from_calendar(np.full(len(time), date), of_day, "UTC")
+    return None
 
 
 def _whole(values: np.ndarray) -> np.ndarray:

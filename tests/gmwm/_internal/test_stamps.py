@@ -49,6 +49,20 @@ def test_texts_that_are_no_stamps(texts, message):
         stamps.from_text(np.array(texts))
 
 
+def test_an_offset_from_utc_is_taken_off():
+    texts = ["2026-01-31T10:00:00Z", "2026-01-31 12:30:00+02:30", "2026-01-31T07:15-02:45", "2026-01-31T10:00:00"]
+    at = [stamps.from_text(np.array([text]))[0] for text in texts]
+    assert at == [np.datetime64("2026-01-31T10:00", "ns")] * 4
+
+
+def test_seconds_go_on_over_the_end_of_a_week():
+    np.testing.assert_array_equal(
+        stamps.over_weeks(np.array([604799.0, 604799.9, 0.8, 1.7])), [604799.0, 604799.9, 604800.8, 604801.7]
+    )
+    for seconds in ([5000.0, 0.0, 1.0], [604799.0, 100_000.0], [1.7e9, 5.0], []):  # a clock that was reset
+        np.testing.assert_array_equal(stamps.over_weeks(np.array(seconds)), seconds)
+
+
 def test_two_columns():
     week = stamps.pair(["GPS week", "tow"], [np.array([2209, 2209, 2210]), np.array([604799.0, 604799.5, 0.25])])
     np.testing.assert_allclose(week, [0, 0.5, 1.25])

@@ -267,6 +267,59 @@ def test_tables(tmp_path, kind):
     assert found.without(5).quality.tolist() == [1, 2, 1]
 
 
+def table_of(path, times, rows, names="time,lat_deg,lon_deg,h,vn,ve,vd"):
+    lines = [",".join([str(t), *(f"{x:.12g}" for x in row)]) for t, row in zip(times, rows, strict=True)]
+    path.write_text("\n".join([names, *lines]) + "\n")
+    return path
+
+
+def test_stamps_of_a_table_are_utc(tmp_path):
+    rows = np.column_stack([LLH, VELOCITY])
+    utc = [START - dt.timedelta(seconds=LEAP - float(t)) for t in TIMES]
+    found = nj.read_gnss(table_of(tmp_path / "a.csv", [f"{m.isoformat()}Z" for m in utc], rows))
+    np.testing.assert_allclose(found.time, TOW + TIMES, rtol=0, atol=1e-9)
+    assert nj.read_gnss(tmp_path / "a.csv", clock="unix").time[0] == utc[0].replace(tzinfo=dt.UTC).timestamp()
+    of_day = table_of(tmp_path / "b.csv", [m.time().isoformat() for m in utc], rows)
+    np.testing.assert_allclose(nj.read_gnss(of_day, date="2024-07-08").time, found.time, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(nj.read_gnss(of_day).time, TOW - LEAP - 86400 + TIMES, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("nothing", [np.full(6, np.nan), np.zeros(6)])
+def test_rows_without_a_position_are_no_fixes(tmp_path, nothing):
+    rows = np.column_stack([LLH, VELOCITY])
+    rows[1] = nothing
+    file = table_of(tmp_path / "a.csv", TIMES, rows)
+    with pytest.warns(IncompleteLogWarning, match="1 of 4 rows have no position .* index 1, and are left out"):
+        found = nj.read_gnss(file)
+    np.testing.assert_array_equal(found.time, TIMES[[0, 2, 3]])
+    np.testing.assert_allclose(found.position, ned()[[0, 2, 3]], rtol=0, atol=1e-5)
+    with pytest.raises(ValueError, match="None of the 2 rows has a position"):
+        nj.read_gnss(table_of(file, TIMES[:2], [nothing, nothing]))
+
+
+def test_fixes_may_lack_a_velocity(tmp_path):
+    rows = np.column_stack([LLH, VELOCITY])
+    rows[2, 3:] = np.nan
+    found = nj.read_gnss(table_of(tmp_path / "a.csv", TIMES, rows))
+    np.testing.assert_array_equal(found.time, TIMES)
+    np.testing.assert_array_equal(found.velocity_fixes(horizontal=0.1, vertical=0.1).time, TIMES[[0, 1, 3]])
+
+
+@pytest.mark.parametrize("kind", ["table", "kf-gins"])
+def test_seconds_of_the_week_go_on_and_others_do_not_fall(tmp_path, kind):
+    def read(times):
+        table = np.column_stack([times, LLH, SD])
+        np.savetxt(
+            tmp_path / "a.csv", table, "%.9f", delimiter=",", comments="", header=
+            "" if kind == "kf-gins" else "time,lat_deg,lon_deg,h,sdn,sde,sdd",
+        )  # fmt: skip
+        return nj.read_gnss(tmp_path / "a.csv", format=kind)
+
+    np.testing.assert_allclose(read((604799 + TIMES) % 604800).time, 604799 + TIMES, rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match=r"Time falls back at index 2: 1.5 s is followed by 0.25 s"):
+        read(TIMES[[0, 2, 1, 3]])
+
+
 def test_clocks():
     """Against the calendar of Python, which knows no leap seconds."""
     utc = dt.datetime(2016, 12, 31, 23, 59, 58)  # two seconds before the last leap second
@@ -320,6 +373,7 @@ def test_what_becomes_of_a_record(tmp_path):
         ('<gpx><trkpt lat="1" lon="2"><ele>3</ele></trkpt></gpx>', "a.gpx", {}, "Point 1 has no time"),
         ("1,2,3,4\n", "a.csv", {}, "columns have no names"),
         ("time,lat\n1,2\n", "a.csv", {}, "no position is found"),
+        ("tow,lat_deg,lon_deg,h\n1,2,3,4\n", "a.csv", {}, "No column is found for time among tow, lat_deg"),
         ("time,lat,lon,h,n,e,d\n1,2,3,4,5,6,7\n", "a.csv", {}, "those of 2 kinds of position are found"),
         ("time,lat,lon,h\n1,2,3,4\n", "a.csv", {}, "unit of latitude is not stated"),
         ("time,lat,lon,h\n1,46,7,4\n", "a.csv", {"angles": "rad"}, "is wrong"),
