@@ -16,7 +16,6 @@ from nav_case import errors, options, scenario
 
 from nav_jax.filter.experiment import draw_inputs, gains_of, prepare, run_filter, run_keys
 from nav_jax.imu.emulation import write_out
-from nav_jax.kinematics import Wgs84
 from nav_jax.simulation.campaign import monte_carlo
 
 PEER = {1: 1.75, 10: 1.25}
@@ -24,9 +23,9 @@ MODES = {"every step": ("estimate", 1), "every 10th": ("estimate", 10), "referen
 BARS = {"every step": 0.02, "every 10th": 0.006, "reference": 0.0012}
 
 
-def timed_runs(num_runs, gains, every, believed=None, duration=300.0, earth=None, **extra):
+def timed_runs(num_runs, gains, every, believed=None, **extra):
     """Seconds of a first and the best of two later calls, and seconds of XLA's compilation in the first."""
-    where, truth = scenario(duration, every, earth), errors()
+    where, truth = scenario(every=every), errors()
     spans = []
     with compilations() as compiled:
         for _ in range(3):
@@ -65,23 +64,6 @@ def parts(report: Report) -> None:
     report.table(f"One chunk of {size} runs in one call, on one core", head, rows)
 
 
-def ellipsoid(report: Report) -> None:
-    """What WGS-84 costs beside a flat Earth, in turns."""
-    rows, num_runs = [], 32 if report.quick else 128
-    for name, (gains, every) in MODES.items():
-        spans = {"flat": float("inf"), "WGS-84": float("inf")}
-        for _ in range(1 if report.quick else 2):
-            for earth, given in zip(spans, (None, Wgs84([0.81, 0.115, 500.0])), strict=True):
-                again = timed_runs(num_runs, gains, every, duration=75.0, earth=given)[1]
-                spans[earth] = min(spans[earth], again / num_runs)
-        ratio = spans["WGS-84"] / spans["flat"]
-        rows.append([name, *(seconds(t) for t in spans.values()), f"{ratio:.2f}"])
-        if name != "reference":
-            what = f"WGS-84 beside a flat Earth, covariance {name}: per run of 75 s"
-            report.bar(what, "<= 1.25 x", seconds(spans["WGS-84"]), f"{seconds(spans['flat'])} (flat)", f"{ratio:.2f}")
-    report.table("An Earth that turns and curves, per run of 75 s", ["covariance", "flat", "WGS-84", "ratio"], rows)
-
-
 def main() -> None:
     report = Report("nav", __doc__)
     num_runs = 64 if report.quick else 200
@@ -96,7 +78,6 @@ def main() -> None:
     head = ["covariance", "runs", "first call", "of it XLA", "second call", "per run", "R", "times faster"]
     report.table("24 states, whole runs through monte_carlo", head, rows)
     parts(report)
-    ellipsoid(report)
 
     rows = []
     cases = {9: errors(0, 0), 24: errors(), 39: errors(3, 2, repeat=2)}

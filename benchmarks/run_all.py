@@ -26,6 +26,7 @@ NAMES = (
     "regression",
     "nav",
     "scale",
+    "earth",
     "drive",
     "lincov",
     "design",
