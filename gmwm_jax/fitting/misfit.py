@@ -23,8 +23,20 @@ from gmwm_jax.processes.parameter import Fixed
 _ROUNDS = 8
 
 
+def unit_variances(model: Composite, tau: Float[np.ndarray, " J"]) -> Float[np.ndarray, "C J"]:
+    """The wavelet variance of each component for unit amplitude, by programs that all models share."""
+    one: Any = np.float64(1.0)
+    at = spans(tau)
+    return np.array([np.asarray(scaled(p.unit_wavelet_variance, one, p.shape, at)) for p in model.processes])
+
+
+def amplitudes_of(model: Composite) -> Float[np.ndarray, " C"]:
+    """The amplitudes of the components of a fitted model."""
+    return np.array([float(p.amplitude) for p in model.processes])
+
+
 def with_amplitudes_again(
-    model: Composite, variance: Float[np.ndarray, " J"], tau: Float[np.ndarray, " J"], error: Float[np.ndarray, " J"]
+    model: Composite, variance: Float[np.ndarray, " J"], unit: Float[np.ndarray, "C J"], error: Float[np.ndarray, " J"]
 ) -> tuple[Composite, Float[np.ndarray, "J J"]]:
     """Fit the amplitudes that are not held anew, with weights of the model itself, and return it with these weights.
 
@@ -33,15 +45,14 @@ def with_amplitudes_again(
 
     Parameters
     ----------
-    model, variance, tau
-        A fitted model, the wavelet variance, and its spans in samples.
+    model, variance
+        A fitted model, and the wavelet variance.
+    unit
+        Wavelet variance of each component for unit amplitude.
     error
         Relative standard deviations of the wavelet variance.
     """
-    one: Any = np.float64(1.0)
-    at = spans(tau)
-    unit = np.array([np.asarray(scaled(p.unit_wavelet_variance, one, p.shape, at)) for p in model.processes])
-    amplitudes = np.array([float(p.amplitude) for p in model.processes])
+    amplitudes = amplitudes_of(model)
     free = [
         i
         for i, p in enumerate(model.processes)

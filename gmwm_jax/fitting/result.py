@@ -26,9 +26,10 @@ from gmwm_jax.fitting.boundary import Boundary, Quantities
 from gmwm_jax.fitting.contradictions import contradictions
 from gmwm_jax.fitting.exports.noise import ChannelNoise
 from gmwm_jax.fitting.exports.registry import format_of
-from gmwm_jax.fitting.misfit import largest_pull, misfit_sentence, sentence_of, with_amplitudes_again
+from gmwm_jax.fitting.misfit import amplitudes_of, largest_pull, misfit_sentence, sentence_of, with_amplitudes_again
 from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.standard_errors import (
+    Linearised,
     delta_method,
     linearised,
     parameter_covariance,
@@ -203,30 +204,34 @@ class Fit(Drawable, Saved, Labelled):
         Of right models fewer than one in a hundred, and mostly fewer than one in a thousand, is said to miss its data.
         """
         V = self.wv_covariance
-        if self.chi_square is None or V is None or not misses(*self._residuals, V, self._linearised[0]):
+        if self.chi_square is None or V is None or not misses(*self._residuals, V, self._linearised.variance):
             return ""
         again, V_again = self._again
-        if not misses(*again._residuals, V_again, again._linearised[0]):
+        if not misses(*again._residuals, V_again, again._linearised.variance):
             return ""
         return misfit_sentence(self.chi_square, self.wv.times, self._unit_of_time)
 
-    def with_amplitudes_again(self, V: Float[np.ndarray, "J J"]) -> "tuple[Fit, Float[np.ndarray, 'J J']]":
+    def with_amplitudes_again(
+        self, V: Float[np.ndarray, "J J"], unit: Float[np.ndarray, "C J"]
+    ) -> "tuple[Fit, Float[np.ndarray, 'J J']]":
         """The model with the amplitudes that weights of its own give it, and its covariance of the wavelet variance.
 
         Parameters
         ----------
         V
             Covariance of the wavelet variance under this fit.
+        unit
+            Wavelet variance of each component for unit amplitude.
         """
-        nu = self.fitted
+        nu = amplitudes_of(self.model) @ unit
         error = np.where(np.diag(self.omega) > 0, np.sqrt(np.diag(V)) / nu, np.inf)  # what is left out stays so
-        model, omega = with_amplitudes_again(self.model, self.wv.variance, self.wv.scales, error)
+        model, omega = with_amplitudes_again(self.model, self.wv.variance, unit, error)
         kept = {label: o for label, o in self.at_boundary.items() if o is not Outcome.ZERO}
         parts = zip(model.labels, model.processes, strict=True)
         zero = {label: Outcome.ZERO for label, p in parts if not float(p.amplitude) > 0}
         again = replace(self, model=model, omega=omega, at_boundary={**kept, **zero})
         # the errors in proportion: another covariance would take longer than all the rest
-        ratio = again.fitted / nu
+        ratio = amplitudes_of(model) @ unit / nu
         return again, V * np.outer(ratio, ratio)
 
     @cached_property
@@ -234,12 +239,12 @@ class Fit(Drawable, Saved, Labelled):
         V = self.wv_covariance
         if V is None:
             raise RuntimeError("There is no theory of this wavelet variance.")
-        return self.with_amplitudes_again(V)
+        return self.with_amplitudes_again(V, self._linearised.unit)
 
     @property
     def _residuals(self) -> tuple[Float[np.ndarray, " J"], Float[np.ndarray, "J J"]]:
         """Residuals, and the matrix M by which errors of the wavelet variance are in them."""
-        nu, A, B = self._linearised
+        nu, A, B, _ = self._linearised
         return self.wv.variance - nu, np.eye(self.wv.num_scales) - A @ B
 
     @property
@@ -292,13 +297,12 @@ class Fit(Drawable, Saved, Labelled):
     @property
     def derivatives(self) -> tuple[Float[np.ndarray, "J P"], Float[np.ndarray, "P J"]]:
         """A = d nu/d eta and B = d eta_hat/d nu_hat at the estimate, eta the active parameters on the real line."""
-        return self._linearised[1:]
+        return self._linearised.slopes, self._linearised.estimator
 
     @cached_property
-    def _linearised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The wavelet variance of the fitted model, A and B, by the program that `covariance` runs."""
-        nu, A, B = linearised(self.model, self.active, self.wv.scales, self.whitener)
-        return np.asarray(nu), np.asarray(A), np.asarray(B)
+    def _linearised(self) -> Linearised:
+        """The model at its estimates, by the program that `covariance` runs."""
+        return linearised(self.model, self.active, self.wv.scales, self.whitener)
 
     def weights_efficiency(self, omega: Float[np.ndarray, "J J"] | None = None) -> Float[np.ndarray, " P"] | None:
         """Return, for each active parameter, the smallest variance that weights can give over that with `omega`.

@@ -57,24 +57,35 @@ def parameter_covariance(
 @compiled_quickly()
 def _sandwich(
     model: Composite, active: Any, tau: Any, whitener: Any, V: Any
-) -> tuple[Float[Array, "Q Q"], Float[Array, " J"], Float[Array, "J Q"], Float[Array, "Q J"]]:
-    """B V B', nu, A and B: one program for whoever wants one of them."""
+) -> tuple[Float[Array, "Q Q"], Float[Array, " J"], Float[Array, "J Q"], Float[Array, "Q J"], Float[Array, "C J"]]:
+    """B V B', nu, A, B and the components for unit amplitude: one program for whoever wants one of them."""
     A = _wv_jacobian(model, active, tau)
     B, lost = _estimator(A, whitener)
-    return jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T), model.wavelet_variance(tau), A, B
+    covariance = jnp.where(lost[:, None] | lost[None, :], jnp.nan, B @ V @ B.T)
+    unit = jnp.stack([p.unit_wavelet_variance(p.shape, tau) for p in model.processes])
+    return covariance, model.wavelet_variance(tau), A, B, unit
 
 
-def linearised(
-    model: Composite, active: tuple[int, ...], tau: Any, whitener: Any
-) -> tuple[Float[Array | np.ndarray, " J"], Float[Array | np.ndarray, "J P"], Float[Array | np.ndarray, "P J"]]:
-    """nu, A = d nu/d eta and B = d eta_hat/d nu_hat; arguments as of `parameter_covariance`.
+class Linearised(NamedTuple):
+    """A model at its estimates, eta the active parameters on the real line."""
 
-    Directions that data do not see are left out of B.
-    """
+    variance: Any
+    """Shape (J,): Its wavelet variance nu."""
+    slopes: Any
+    """Shape (J, P): A = d nu/d eta."""
+    estimator: Any
+    """Shape (P, J): B = d eta_hat/d nu_hat; directions that data do not see are left out."""
+    unit: Any
+    """Shape (C, J): Wavelet variance of each component for unit amplitude."""
+
+
+def linearised(model: Composite, active: tuple[int, ...], tau: Any, whitener: Any) -> Linearised:
+    """Linearise a fitted model, by the program of `parameter_covariance`; arguments as there."""
     at = np.asarray(active, dtype=int)
     # no covariance of the wavelet variance is asked for
-    _, nu, A, B = known(*_sandwich(model, _mask(model, active), tau, whitener, np.zeros((len(tau), len(tau)))))
-    return nu, A[:, at], B[at]
+    nothing = np.zeros((len(tau), len(tau)))
+    _, nu, A, B, unit = known(*_sandwich(model, _mask(model, active), tau, whitener, nothing))
+    return Linearised(nu, A[:, at], B[at], unit)
 
 
 def _mask(model: Composite, active: tuple[int, ...]) -> Bool[np.ndarray, " Q"]:

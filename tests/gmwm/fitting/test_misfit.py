@@ -97,7 +97,7 @@ def test_p_is_of_the_model_and_not_of_weights_that_trust_the_small():
     fits = {name: list(gj.fit(wv, "WN + RW", weights=name, throw=False).values()) for name in ("default", "covariance")}
     apart = []
     for mine, best in zip(*fits.values(), strict=True):
-        again, _ = mine.with_amplitudes_again(mine.wv_covariance)
+        again, _ = mine._again
         assert mine.chi_square.dof == mine.wv.num_scales - len(again.active)
         apart.append((mine.chi_square.p_value < 0.01, best.chi_square.p_value < 0.01))
         plain = chi_square(*mine._residuals, mine.wv_covariance)
