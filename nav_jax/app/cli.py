@@ -321,7 +321,7 @@ def inspect(
 
 @_command
 def align(config: Record, out: Out = None, json_file: Json = None) -> None:
-    """Find roll, pitch and heading, at rest or on the move as [align] says, with standard deviations."""
+    """Find roll, pitch and heading, at rest or on the move as section align says, with standard deviations."""
     from nav_jax.app.alignment_file import align_file
     from nav_jax.app.reports import alignment_report
 

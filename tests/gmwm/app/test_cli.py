@@ -4,6 +4,7 @@ Fits compile for each model: all but two tests share one.
 """
 
 import gzip
+import importlib
 import json
 import os
 import re
@@ -13,6 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import rich.text
+import typer
 from typer.testing import CliRunner
 
 import gmwm_jax as gj
@@ -549,6 +552,19 @@ def test_help_names_what_there_is():
     pages = [re.sub(r"[│\s]+", " ", CliRunner().invoke(app, [name, "--help"]).stdout) for name in ("fit", "select")]
     assert all(re.search(rf"[ :]{name}[,;]", pages[0]) for name in FORMATS)
     assert all(name in page for page in pages for name in NAMED)
+
+
+@pytest.mark.parametrize("command", ["gmwm_jax", "nav_jax"])
+def test_no_word_of_help_is_taken_for_markup(command):
+    """Text in square brackets would be missing from the page."""
+    cli = importlib.import_module(f"{command}.app.cli")
+    main = typer.main.get_command(cli.app)
+    commands = [main, *main.commands.values()]
+    commands += [c for group in commands[1:] for c in getattr(group, "commands", {}).values()]
+    assert len(commands) > 8
+    for c in commands:
+        for text in (c.help, *(getattr(p, "help", None) for p in c.params)):
+            assert rich.text.Text.from_markup(text or "").plain == (text or "")
 
 
 def test_a_missing_package_is_named(monkeypatch):
