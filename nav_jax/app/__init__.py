@@ -28,7 +28,7 @@ outages = [[260, 300]]
 
 [run]
 num_runs = 200
-gains = "estimate" # a covariance a run; "reference": one for all, several times faster; "two-level": means by both
+gains = "estimate" # a covariance a run; "reference": one for all, several times faster; "two-level": means, by few
 earth = "wgs84" # the ellipsoid that turns, in place of a flat Earth of some gravity = "9.81 m/s^2"
 origin = ["46.5 deg", "6.6 deg", "500 m"] # unless the file of the trajectory has geodetic positions
 # temperature_rise = "20 K", of a sensor that warms up in a temperature_time = "5 min", for biases by temperature

@@ -104,7 +104,7 @@ def comparison_report(comparison: Comparison) -> Report:
 
 
 def two_level_report(found: TwoLevel) -> Report:
-    """Means of filters with gains of their own, and what shared gains leave out.
+    """Means of filters with gains of their own, and what the cheap level (linear runs, or shared gains) leaves out.
 
     There are means where there are two or more runs of both kinds in which no filter failed.
     """
@@ -113,6 +113,7 @@ def two_level_report(found: TwoLevel) -> Report:
         "reference": found.shared.reference.name,
         "truth": found.shared.truth,
         "time": float(next(iter(found.shared.runs.values())).time[k]),
+        "cheap": found.cheap,
         "num_runs": found.num_runs,
         "num_own": found.num_own,
         "num_common": found.num_common,

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +13,7 @@ from jaxtyping import Float, Key
 from gmwm_jax import GM, RW, WN, Composite, parse_model, simulate
 from gmwm_jax._internal.checks import as_float, concrete, positive
 from gmwm_jax._internal.host import known
+from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import StateSpace
 
 NoiseModel = Composite
@@ -59,6 +61,17 @@ def axis_noise(given: Any, what: str) -> NoiseModel:
         (sd,) = known(as_float(given))
         return Composite((WN(sd**2),))
     return as_model(given, what)
+
+
+def scaled(model: NoiseModel, factor: Real) -> NoiseModel:
+    """The same noise with standard deviations so many times as large."""
+
+    def process(p: Any) -> Any:
+        # the amplitude of a process is that of its covariance
+        value = as_float(p.value_of(factor**2 * p.amplitude))
+        return eqx.tree_at(lambda q: getattr(q, p.parameters[-1].name), p, value)
+
+    return eqx.tree_at(lambda m: m.processes, model, tuple(process(p) for p in model.processes))
 
 
 def markov_form(model: NoiseModel, what: str) -> StateSpace:

@@ -1,4 +1,4 @@
-"""The figure of two levels of runs: mean errors of filters with their own gains, and what shared gains leave out."""
+"""The figure of two levels of runs: mean errors of filters with their own gains, and what the cheap level lacks."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +11,7 @@ from nav_jax.simulation.levels import TwoLevel
 
 
 def two_level_data(found: TwoLevel, *, level: float = 0.95) -> tuple[Frame, Frame]:
-    """Return what `plot_two_level` shows: mean position errors, and own gains - shared gains.
+    """Return what `plot_two_level` shows: mean position errors, and own gains - the cheap level.
 
     Parameters
     ----------
@@ -30,6 +30,7 @@ def two_level_data(found: TwoLevel, *, level: float = 0.95) -> tuple[Frame, Fram
     """
     means: list[Item] = []
     corrections: list[Item] = []
+    less = f"own gains - {found.cheap}{'' if found.known else ' gains'}"
     outages = sorted({i for r in found.shared.runs.values() for i in r.outage_intervals})
     for name, runs in found.shared.runs.items():
         of, t = found.mean(name), runs.time
@@ -38,13 +39,13 @@ def two_level_data(found: TwoLevel, *, level: float = 0.95) -> tuple[Frame, Fram
             items += [Band("", t, value - half, value + half), Line(name, t, value)]
     return (
         Frame("mean, own gains", TIME, Axis("mean position error", "m", "log"), (*means, *outage_items(outages))),
-        Frame("own gains - shared gains", TIME, Axis("position error", "m"), (*corrections, *outage_items(outages))),
+        Frame(less, TIME, Axis("position error", "m"), (*corrections, *outage_items(outages))),
     )
 
 
 @draw.register(TwoLevel)
 def plot_two_level(found: TwoLevel, *, level: float = 0.95, axes: GivenAxes | None = None) -> Figure:
-    """Plot mean position errors with their intervals, and what shared gains leave out.
+    """Plot mean position errors with their intervals, and what the cheap level leaves out.
 
     Parameters
     ----------
@@ -73,6 +74,8 @@ def plot_two_level(found: TwoLevel, *, level: float = 0.95, axes: GivenAxes | No
         shade(ax, frame)
         grid(ax)
         describe(ax, frame)
-    title = f"{found.num_runs} runs, {found.num_own} with gains of their own; {100 * level:g} % interval of the mean"
+    counts = f"{found.num_own} with gains of their own"
+    counts = f"{counts} and linear" if found.known else f"{found.num_runs}, {counts}"
+    title = f"runs: {counts}; {100 * level:g} % interval of the mean"
     legend_below(figure, drawn, alone=axes is None, title=title, title_fontsize=8)
     return figure

@@ -7,8 +7,9 @@ all of them. ``smooth=True`` judges the fixed-interval smoother. ``cmp.save("run
 ``io`` ``.npz``, keeps the runs, and ``nj.load("runs.nc")`` gives the comparison back, with table and figures;
 ``cmp.to_xarray()`` is a Dataset (model, run, time, component) with units.
 
-``gains="two-level"`` gives the means of filters with gains of their own from many runs on shared gains and few with their
-own, and what shared gains leave out (a `TwoLevel`); ``nj.simulation.two_level`` says how exactly.
+``gains="two-level"`` gives the means of filters with gains of their own from few runs: with what linear filters do in the
+same runs, whose means are known, or else with many runs on shared gains. It says what either leaves out (a `TwoLevel`);
+``nj.simulation.two_level`` says how exactly.
 
 How to read a comparison
 ------------------------

@@ -36,7 +36,8 @@ from nav_jax.imu.recorded import RecordedErrors
 from nav_jax.simulation._placement import placement
 from nav_jax.simulation.collected import Collected, run_chunk
 from nav_jax.simulation.comparison import Comparison
-from nav_jax.simulation.levels import TWO_LEVEL, TwoLevel, two_levels
+from nav_jax.simulation.levels import LINEAR, TWO_LEVEL, TwoLevel, two_levels
+from nav_jax.simulation.linear import enlarged, known_means, small
 from nav_jax.simulation.runs import Runs, Track
 from nav_jax.simulation.stopping import Rule, Stopped, Watch, rule_of
 from nav_jax.statistics.epochs import judged_epoch
@@ -246,15 +247,37 @@ def compare(
     if gains not in GAINS:
         raise ValueError(f"gains is one of {', '.join((*GAINS, TWO_LEVEL))}, and is {gains!r}.")
     num_runs = integer("num_runs", num_runs, 1)
+    setup = Setup(scenario, check_rates(truth, filters))
+    how = {"chunk_size": chunk_size, "workers": workers, "devices": devices, "smooth": smooth, "progress": progress}
+    return _compare(setup, truth, filters, num_runs=num_runs, key=key, gains=gains, keep=keep, stop=stop, **how)
+
+
+def _compare(
+    setup: Setup,
+    truth: ImuErrors | RecordedErrors,
+    filters: Mapping[str, ImuErrors],
+    *,
+    num_runs: int,
+    key: Key[Any, ""],
+    gains: str,
+    smooth: bool,
+    chunk_size: int | None,
+    workers: int | None,
+    devices: Sequence[Any] | None,
+    progress: Progress,
+    keep: Iterable[int] = (),
+    stop: Rule | str | None = None,
+) -> Comparison:
+    """As `compare`; gains may be linear, too: those of the reference, and errors so small that filters are linear."""
     rule = rule_of(stop, len(filters))
     kept = sorted({integer("A run to keep", i, 0) for i in keep})
     if kept and smooth:
         raise ValueError("Trajectories that are kept are those of the filter: keep them without smooth=True.")
     if kept and kept[-1] >= num_runs:
         raise ValueError(f"Run {kept[-1]} cannot be kept: there are {num_runs}, numbered from 0.")
-    setup = Setup(scenario, check_rates(truth, filters))
     _require_runs(setup, len(filters), num_runs)
-    on_reference = gains == "reference"
+    on_reference = gains != "estimate"
+    drawn, errors = small(setup, truth) if gains == LINEAR and isinstance(truth, ImuErrors) else (setup, truth)
     states = NAVIGATION.size + max(len(f.states) for f in filters.values())
     how = {"chunk_size": chunk_size, "workers": workers, "devices": devices}
     place = placement(setup, states, num_runs, **how, shared=on_reference, smooth=smooth)
@@ -263,7 +286,7 @@ def compare(
 
     def task(chunk: int, names: Sequence[str]) -> dict[str, Any]:
         of = {name: filters[name] for name in names}
-        return run_chunk(setup, truth, of, place.keys(key, chunk), shared, smooth=smooth)
+        return run_chunk(drawn, errors, of, place.keys(key, chunk), shared, smooth=smooth)
 
     collected = {name: Collected(setup, num_runs) for name in filters}
     watch = None if rule is None else _watch(rule, setup, collected, num_runs)
@@ -282,7 +305,8 @@ def compare(
     runs = {}
     for name, f in filters.items():
         tracks = _tracks(setup, truth, f, key, keeps, on_reference=on_reference)
-        runs[name] = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
+        found = collected[name].runs(name, f, truth, finished, num_runs, tracks, smooth=smooth)
+        runs[name] = enlarged(found) if gains == LINEAR else found
     return Comparison(setup.reference, runs, truth=repr(truth), stopped=stopped)
 
 
@@ -300,21 +324,28 @@ def two_level(
     devices: Sequence[Any] | None = None,
     progress: Progress = False,
 ) -> TwoLevel:
-    """Compare filters with gains of their own at little more than the cost of shared ones.
+    """Compare the means of filters with gains of their own, from a few runs and what is known of linear filters.
 
-    Gains that are computed once along the reference are exact to first order in the errors, so that a run on them and
-    the same run on its own gains err alike. The mean of many of the first, plus the mean difference of a few, is the
-    mean of the second without bias (Giles 2015). How many differences it takes follows from a pilot of 64: at the epoch
-    at which filters are judged, and there for position and NEES of all filters, the variance should be at most 1 +
-    excess times that of `num_runs` runs with their own gains, as far as the pilot can tell. Where that would take half
-    of the runs or more, all have their own.
+    To first order in the errors a filter is linear, so that a run and what a linear filter does in the same run err
+    alike. The mean of the second is known: its errors are Gaussian with the covariance of
+    `nav_jax.lincov.linear_covariance`. That mean, plus the mean difference of a few runs, is the mean of the first (a
+    control variate; Giles 2015), without bias but for what such a covariance leaves out. How many differences it takes
+    follows from a pilot of 64: at the epoch at which filters are judged, and there for position and NEES of all
+    filters, the variance should be at most 1 + excess times that of `num_runs` runs with their own gains, as far as the
+    runs so far can tell.
+
+    Nobody knows the mean of linear runs of a smoother, of a recording as the truth, of noise without state-space form,
+    or where a sensor depends on the motion of the body (`nav_jax.aiding.AbstractAiding.uses_body`); and it is not
+    believed where the pilot's linear runs miss it by 5 standard errors. Then `num_runs` runs on gains along the
+    reference stand for it, which are several times as fast as others. Where runs with their own gains would be half of
+    all runs or more, and where one of the pilot's fails, all have their own.
 
     Parameters
     ----------
     scenario, truth, filters, key, smooth, chunk_size, workers, devices, progress
         See `compare`.
     num_runs
-        Number of runs on shared gains.
+        As many runs with their own gains would be as sure.
     excess
         See above.
 
@@ -337,12 +368,16 @@ def two_level(
     >>> found.mean("filter").value.shape
     (10,)
     """
+    typed_key(key)
+    num_runs, excess = integer("num_runs", num_runs, 2), number("excess", excess)
+    filters = named_filters(truth, filters)
+    setup = Setup(scenario, check_rates(truth, filters))
     how = {"smooth": smooth, "chunk_size": chunk_size, "workers": workers, "devices": devices, "progress": progress}
 
     def run(gains: str, count: int) -> Comparison:
-        return compare(scenario, truth, filters, num_runs=count, key=key, gains=gains, **how)
+        return _compare(setup, truth, filters, num_runs=count, key=key, gains=gains, **how)
 
-    return two_levels(run, integer("num_runs", num_runs, 2), number("excess", excess))
+    return two_levels(run, num_runs, excess, known_means(setup, truth, filters, smooth=smooth))
 
 
 def _watch(

@@ -1,7 +1,8 @@
-"""Two-level Monte Carlo: many runs on shared gains, corrected by a few whose filters have their own."""
+"""Two-level Monte Carlo: a cheap level whose mean is known, or that has many runs, and few with gains of their own."""
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -14,19 +15,24 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.text_table import number as written
 from nav_jax.simulation.comparison import Comparison
+from nav_jax.simulation.linear import KnownMeans
 from nav_jax.simulation.ranking import common_runs
 from nav_jax.simulation.runs import Runs
 from nav_jax.statistics.distributions import t_quantile
-from nav_jax.statistics.levels import TwoLevelMean, num_dear, two_level_mean
+from nav_jax.statistics.levels import TwoLevelMean, controlled_mean, num_dear, two_level_mean
 
 TWO_LEVEL: Final = "two-level"
 """What `nav_jax.compare` calls it."""
+LINEAR: Final = "linear"
+"""Runs on shared gains, made linear."""
 _PILOT = 64
 """Runs with their own gains from which the number of them is chosen."""
 _JUDGED = ("position", "nees")
 """By which that number is chosen: what is printed."""
 _WORTH = 0.5
 """Share of runs with their own gains from which on all of them have their own."""
+_APART = 5.0
+"""Standard errors by which the mean of linear runs may miss the one that is known of them."""
 
 
 def _length(block: str) -> Callable[[Runs], Float64[np.ndarray, "R E"]]:
@@ -42,24 +48,27 @@ STATISTICS: Mapping[str, Callable[[Runs], Float64[np.ndarray, "R E"]]] = {
 """What is averaged over runs: lengths of errors in SI, and the NEES of the pose over its degrees of freedom."""
 
 
-@saved()
+@saved(added=("known",))
 @dataclass(frozen=True, eq=False, repr=False)
 class TwoLevel(Drawable, Saved):
-    """Means over runs whose filters have their own gains, from few of them and many on shared ones.
+    """Means over runs whose filters have their own gains, from few of them and a cheap level.
 
     Attributes
     ----------
     shared
-        All runs, on gains along the reference.
+        The cheap level, on gains along the reference: all runs, or, if `known`, linear ones: as many as `own` has.
     own
         The first of them, each with its own gains.
     excess
-        Of the variance over that of as many runs with their own gains, at most.
+        Of the variance over that of as many runs with their own gains as were asked for, at most.
+    known
+        Filter -> statistic -> mean of the cheap level, if it is known without runs.
     """
 
     shared: Comparison
     own: Comparison
     excess: float
+    known: Mapping[str, KnownMeans] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if list(self.shared) != list(self.own):
@@ -67,7 +76,7 @@ class TwoLevel(Drawable, Saved):
 
     @property
     def num_runs(self) -> int:
-        """Number of runs on shared gains."""
+        """Number of runs of the cheap level."""
         return _num_runs(self.shared)
 
     @property
@@ -79,6 +88,11 @@ class TwoLevel(Drawable, Saved):
     def num_common(self) -> int:
         """Number of runs of both kinds in which no filter failed."""
         return len(self._rows()[1])
+
+    @property
+    def cheap(self) -> str:
+        """What the runs of the cheap level are: ``linear``, or ``shared`` by their gains."""
+        return "linear" if self.known else "shared"
 
     def mean(self, model: str, statistic: str = "position") -> TwoLevelMean:
         """Mean over runs at every epoch, of filters with gains of their own.
@@ -95,15 +109,21 @@ class TwoLevel(Drawable, Saved):
         ValueError
             Fewer than two common runs, or no such statistic.
         """
-        return two_level_mean(*self._values(model, statistic))
+        cheap, of_the_same, own = self._values(model, statistic)
+        if self.known:
+            return controlled_mean(self.known[model][statistic], of_the_same, own)
+        return two_level_mean(cheap, of_the_same, own)
 
     def difference(self, model: str, other: str, statistic: str = "position") -> TwoLevelMean:
         """Mean over runs of one filter minus another, in the same runs; parameters and errors as of `mean`."""
         ours, theirs = self._values(model, statistic), self._values(other, statistic)
-        return two_level_mean(*(a - b for a, b in zip(ours, theirs, strict=True)))
+        cheap, of_the_same, own = (a - b for a, b in zip(ours, theirs, strict=True))
+        if self.known:
+            return controlled_mean(self.known[model][statistic] - self.known[other][statistic], of_the_same, own)
+        return two_level_mean(cheap, of_the_same, own)
 
     def plot(self, *, level: float = 0.95, axes: GivenAxes | None = None) -> Figure:
-        """Draw mean position errors with what is certain of them, and what shared gains leave out.
+        """Draw mean position errors with what is certain of them, and what the cheap level leaves out.
 
         Parameters
         ----------
@@ -124,9 +144,11 @@ class TwoLevel(Drawable, Saved):
         return t_quantile(probability("level", level), self.num_common - 1) * se
 
     def _rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Runs in which no filter failed: on shared gains, and of these the ones with good runs of their own."""
+        """Runs in which no filter failed: of the cheap level, and of these the ones with good runs of their own."""
         many = common_runs(self.shared.runs)
-        return many, np.intersect1d(many, common_runs(self.own.runs))
+        few = np.intersect1d(many, common_runs(self.own.runs))
+        # of runs that all have their own gains, those that failed are no part of the mean
+        return few if self.num_own == self.num_runs else many, few
 
     def _values(self, model: str, statistic: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if statistic not in STATISTICS:
@@ -137,30 +159,56 @@ class TwoLevel(Drawable, Saved):
         return cheap[many], cheap[few], of(self.own[model])[few]
 
     def __repr__(self) -> str:
-        k = self.shared.epoch()
-        along = self.shared.reference.name or "a trajectory"
-        lines = [
-            f"Two levels along {along}: {self.num_runs} runs on shared gains, {self.num_own} of them with their own too"
-        ]
-        if self.num_own == self.num_runs:
+        k, own = self.own.epoch(), self.num_own
+        along = self.own.reference.name or "a trajectory"
+        if self.known:
+            counts = f"{own} runs with gains of their own, and what linear filters do in them, whose mean is known"
+        else:
+            counts = f"{self.num_runs} runs on shared gains, {own} of them with their own too"
+        lines = [f"Two levels along {along}: {counts}"]
+        if not self.known and own == self.num_runs:
             lines.append("All runs have gains of their own: on shared ones they err too differently to stand for them.")
+        if self.num_common < own:
+            lines.append(f"In {own - self.num_common} of the runs with gains of their own a filter failed: left out.")
         if self.num_common < 2:
             return "\n".join([*lines, "No means: it takes 2 or more runs in which no model failed."])
+        if self.known and (ratio := self._ratio()):
+            lines.append(f"as sure as {_round(self.num_common / ratio)} runs with gains of their own")
         rows = []
-        for model in self.shared:
+        for model in self.own:
             cells = [model]
             for statistic, digits in (("position", 4), ("nees", 3)):
                 found = self.mean(model, statistic)
                 cells.append(f"{written(found.value[k], digits)} ± {written(self.half_width(found.se[k]), 2)}")
                 cells.append(f"{found.correction[k]:+.2g} ± {written(self.half_width(found.correction_se[k]), 2)}")
             rows.append(cells)
-        head = ["", "position [m]", "own - shared [m]", "NEES/dof", "own - shared"]
-        lines.append(f"means at {self.shared.runs[next(iter(self.shared))].time[k]:g} s with 95 % intervals")
+        less = f"own - {self.cheap}"
+        head = ["", "position [m]", f"{less} [m]", "NEES/dof", less]
+        lines.append(f"means at {self.own.runs[next(iter(self.own))].time[k]:g} s with 95 % intervals")
         lines.append(format_table(head, rows, left=1))
         return "\n".join(lines)
 
+    def _ratio(self) -> float:
+        """Variance of the differences over that of the runs with gains of their own, of the worst that is judged."""
+        k = self.own.epoch()
+        ratios = [self.mean(model, of).ratio[k] for model in self.own for of in _JUDGED]
+        return float(np.nanmax(ratios, initial=0.0))
 
-def two_levels(run: Callable[[str, int], Comparison], num_runs: int, excess: float) -> TwoLevel:
+    def _holds(self) -> bool:
+        """Whether the runs of the cheap level may have the means that are known of them."""
+        k = self.own.epoch()
+        for model, known in self.known.items():
+            for of in _JUDGED:
+                values = STATISTICS[of](self.shared[model])[:, k]
+                off = np.abs(values.mean() - known[of][k])
+                if off > _APART * values.std(ddof=1) / np.sqrt(len(values)):
+                    return False
+        return True
+
+
+def two_levels(
+    run: Callable[[str, int], Comparison], num_runs: int, excess: float, known: Mapping[str, KnownMeans] | None
+) -> TwoLevel:
     """Run as many with gains of their own as a pilot says, see `nav_jax.simulation.two_level`.
 
     Parameters
@@ -168,28 +216,53 @@ def two_levels(run: Callable[[str, int], Comparison], num_runs: int, excess: flo
     run
         Kind of gains, number of runs -> the first runs with them.
     num_runs
-        Number of runs on shared gains.
+        As many with gains of their own would be as sure.
     excess
         See `TwoLevel`.
+    known
+        Means of linear runs, see `nav_jax.simulation.linear`; None where nobody knows them.
     """
+    own = run("estimate", min(_PILOT, num_runs))
+    if known is not None:
+        found = TwoLevel(run(LINEAR, _num_runs(own)), own, excess, known)
+        # a pilot of differences with a long tail knows their variance badly: what came of it is looked at again
+        while found.num_own < (wanted := _num_controlled(found, num_runs)) <= _WORTH * num_runs:
+            found = TwoLevel(run(LINEAR, wanted), run("estimate", wanted), excess, known)
+            if found.num_own < wanted:  # interrupted
+                return found
+        if wanted <= found.num_own:
+            return found
     shared = run("reference", num_runs)
     num_runs = _num_runs(shared)  # of an interrupted one
-    own = run("estimate", min(_PILOT, num_runs))
     pilot = TwoLevel(shared, own, excess)
     wanted = _num_own(pilot, num_runs)
     return TwoLevel(shared, run("estimate", wanted), excess) if wanted > pilot.num_own else pilot
 
 
 def _num_runs(of: Comparison) -> int:
-    return len(next(iter(of.runs.values())))
+    return min(map(len, of.runs.values()))
+
+
+def _all_good(pilot: TwoLevel) -> bool:
+    """Whether there are means, and of all runs: those that fail are others, of which the cheap level knows nothing."""
+    return 2 <= pilot.num_common == pilot.num_own
+
+
+def _num_controlled(pilot: TwoLevel, num_runs: int) -> int:
+    """By the worst of all filters: var(D) / n is var(own) (1 + excess) / num_runs; all where the pilot cannot tell."""
+    if not (_all_good(pilot) and pilot._holds()):
+        return num_runs + 1
+    return math.ceil(num_runs * pilot._ratio() / (1 + pilot.excess))
 
 
 def _num_own(pilot: TwoLevel, num_runs: int) -> int:
     """By the worst of all filters; all runs where the pilot cannot tell."""
-    if pilot.num_common < 2:
+    if not _all_good(pilot):
         return num_runs
-    k = pilot.shared.epoch()
-    ratios = np.array([pilot.mean(model, of).ratio[k] for model in pilot.shared for of in _JUDGED])
-    worst = float(np.nanmax(ratios, initial=0.0))
-    wanted = num_dear(worst, num_runs, pilot.excess)
+    wanted = num_dear(pilot._ratio(), num_runs, pilot.excess)
     return num_runs if wanted > _WORTH * num_runs else wanted
+
+
+def _round(n: float) -> str:
+    """To two digits, as more are not known."""
+    return f"{float(f'{n:.2g}'):,.0f}".replace(",", "\u2009")

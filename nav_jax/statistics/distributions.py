@@ -5,7 +5,7 @@ From `scipy.special`: to import `scipy.stats` takes longer than all of this pack
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import bdtr, betaincinv, gammainc, gammaincinv, ndtri, stdtrit
+from scipy.special import bdtr, betaincinv, elliprg, gammainc, gammaincinv, ndtri, stdtrit
 
 _EXACT_UP_TO = 10_000
 """Runs up to which a sample size comes from the noncentral t; beyond, it is the same by Guenther's formula."""
@@ -122,3 +122,14 @@ def weighted_chi2_cdf(weights: Float[np.ndarray, "*E k"], x: float) -> Float[np.
     transform = np.prod((1 + 2 * np.asarray(weights)[..., None, :] * s[:, None]) ** -0.5, axis=-1) / s
     total = np.sum(np.real(np.exp(s * x) * transform * step), axis=-1) * r / (_TALBOT * x)
     return np.asarray(np.clip(total, 0.0, 1.0))
+
+
+def mean_length(P: Float[np.ndarray, "*E 3 3"]) -> Float[np.ndarray, "*E"]:
+    """E|e| of a Gaussian e in three dimensions without mean, with the covariance P.
+
+    e = P^(1/2) r u with a length r of chi with 3 degrees of freedom, of mean sqrt(8/pi), and a direction u that is
+    independent of it and even over the sphere. The mean of |P^(1/2) u| over the sphere is Carlson's R_G of the
+    eigenvalues of P (DLMF 19.16.3; 19.23.6).
+    """
+    roots = np.maximum(np.linalg.eigvalsh(P), 0.0)  # rounding may make one negative
+    return np.sqrt(8 / np.pi) * elliprg(roots[..., 0], roots[..., 1], roots[..., 2])

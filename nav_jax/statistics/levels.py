@@ -68,17 +68,57 @@ def two_level_mean(
     if not 2 <= n <= N:
         raise ValueError(f"It takes two runs or more of both kinds, and at most the {N} cheap ones: there are {n}.")
     D = dear - of_the_same
-    var_D, var_dear = D.var(axis=0, ddof=1), dear.var(axis=0, ddof=1)
+    var_D = D.var(axis=0, ddof=1)
     # of the cheap values all runs tell the variance; of how they go with D only n do
     covariance = ((of_the_same - of_the_same.mean(axis=0)) * (D - D.mean(axis=0))).sum(axis=0) / (n - 1)
     variance = (cheap.var(axis=0, ddof=1) + 2 * covariance) / N + var_D / n
     # with n = N that is var(dear) / N; with few it may come out below what the differences alone leave
     variance = np.maximum(variance, var_D * (1 / n - 1 / N))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(var_dear > 0, var_D / var_dear, np.nan)
     return TwoLevelMean(
-        cheap.mean(axis=0) + D.mean(axis=0), np.sqrt(variance), D.mean(axis=0), np.sqrt(var_D / n), ratio
+        cheap.mean(axis=0) + D.mean(axis=0), np.sqrt(variance), D.mean(axis=0), np.sqrt(var_D / n), _ratio(D, dear)
     )
+
+
+def controlled_mean(
+    known: Float64[np.ndarray, " *E"], of_the_same: Float64[np.ndarray, "n *E"], dear: Float64[np.ndarray, "n *E"]
+) -> TwoLevelMean:
+    """Estimate a mean as `two_level_mean` does, where the mean of the cheap values is known.
+
+    That is known + mean(D), of variance var(D) / n: as if there were cheap values without end (a control variate with
+    the coefficient one, which is not estimated: without bias).
+
+    Parameters
+    ----------
+    known
+        Mean of the cheap values.
+    of_the_same, dear
+        Values of both kinds in the same runs.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two runs, or shapes that differ.
+
+    Examples
+    --------
+    >>> found = nj.statistics.controlled_mean(np.array(2.0), np.array([1.0, 3.5]), np.array([1.5, 4.0]))
+    >>> float(found.value), float(found.se)
+    (2.5, 0.0)
+    """
+    if of_the_same.shape != dear.shape or known.shape != dear.shape[1:]:
+        raise ValueError(f"Values of the same runs have one shape: {of_the_same.shape}, {dear.shape} of {known.shape}.")
+    if len(dear) < 2:
+        raise ValueError(f"It takes two runs or more of both kinds: there is {len(dear)}.")
+    D = dear - of_the_same
+    se = D.std(axis=0, ddof=1) / math.sqrt(len(dear))
+    return TwoLevelMean(known + D.mean(axis=0), se, D.mean(axis=0), se, _ratio(D, dear))
+
+
+def _ratio(D: Float64[np.ndarray, "n *E"], dear: Float64[np.ndarray, "n *E"]) -> Float64[np.ndarray, " *E"]:
+    """See `TwoLevelMean`."""
+    of_D, of_dear = D.var(axis=0, ddof=1), dear.var(axis=0, ddof=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(of_dear > 0, of_D / of_dear, np.nan)
 
 
 def num_dear(ratio: Real, N: int, excess: Real = 0.05) -> int:
