@@ -19,6 +19,7 @@ from pydantic import BeforeValidator, Field, create_model
 from gmwm_jax._internal.limits import size_in_bytes
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.tabular import open_source
+from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractReceiver, Gnss, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
@@ -56,7 +57,7 @@ from nav_jax.recorded.navigation import Navigation, navigate
 from nav_jax.recorded.outages import Intervals
 from nav_jax.recorded.study import OutageStudy, outage_study
 from nav_jax.recorded.tuning import Tuning, tune
-from nav_jax.trajectory.columns import choose
+from nav_jax.trajectory.columns import POSITION, VELOCITY, choose, present
 from nav_jax.trajectory.files import read_trajectory
 from nav_jax.trajectory.trajectory import Trajectory
 
@@ -71,6 +72,9 @@ _GNSS_MAKE = ("sd_factor", "correlated")
 
 _OF_SAMPLES = ("gaps", "samples", "stamps")
 """Keys of these that `read_samples` does not know."""
+
+_POSITIONS = ("time", *POSITION["ned"], *POSITION["geodetic"], *VELOCITY)
+"""What a table of a receiver's fixes may have."""
 
 Columns = dict[str, int | str]
 Factor = Annotated[float, Field(ge=0)]
@@ -207,7 +211,7 @@ class FixesSection(Aiding):
         options = ("type", "file", "exclude", "time_offset", *_FIXES_READ, *_GNSS_READ, *_GNSS_MAKE)
         sensor = self.sensor(**self.given(*options))  # type: ignore[call-arg]
         try:
-            fixes = read_fixes(folder / self.file, sensor, origin=origin, **how)
+            fixes = read_fixes(folder / self.file, sensor, origin=self._about(sensor, folder, origin), **how)
         except ValueError as error:
             if isinstance(sensor, AbstractReceiver) and "latitude" in str(error):
                 said = 'if positions are latitude, longitude and height, say so by angles = "deg" or "rad".'
@@ -217,6 +221,18 @@ class FixesSection(Aiding):
             rate = float(1 / np.median(np.diff(fixes.time)))
             fixes = replace(fixes, sensor=self.sensor(rate, **self.given(*options)))  # type: ignore[call-arg]
         return fixes, _record_of(fixes, origin)
+
+    def _about(self, sensor: AbstractAiding, folder: Path, origin: Sequence[float] | None) -> Sequence[float] | None:
+        """The origin of the record, unless values of the file are about it already, or have none."""
+        try:
+            sensor.columns(geodetic=True)
+        except ValueError:
+            return None
+        if not isinstance(sensor, AbstractReceiver) or origin is None:
+            return origin
+        to_open = Reading(self.delimiter, self.header, self.variable, max_bytes=size_in_bytes(self.max_bytes))
+        there = present(open_source(folder / self.file, to_open), self.columns or {}, _POSITIONS)
+        return None if set(POSITION["ned"]) <= set(there) else origin
 
     def gnss(self, folder: Path, origin: Sequence[float] | None) -> GnssRecord | None:
         """Positions and velocities of a receiver, be it by its file or by a table, on its own clock; or None."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractReceiver
+from nav_jax.aiding.states import own_states
 from nav_jax.app.sections import AlignSection
 from nav_jax.filter.initial import InitialUncertainty
 from nav_jax.imu.imu import Imu
@@ -18,6 +19,9 @@ from nav_jax.recorded.alignment import Start, align_by_course, between
 from nav_jax.recorded.at_rest import StartAtRest, align_at_rest
 from nav_jax.recorded.gnss.record import GnssRecord
 from nav_jax.recorded.on_the_move import StartOnTheMove, align_on_the_move
+
+_CALM = 0.2
+"""s, over which the motion at a start is averaged."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,11 @@ def begun(
     earth
         Of [run].
 
+    Returns
+    -------
+    Begun
+        How well an alignment on the move knows the start takes in what is unknown of the receiver.
+
     Raises
     ------
     ValueError
@@ -97,7 +106,8 @@ def begun(
             raise ValueError("[initial] has align = true, and [record] an attitude or velocity: leave one out.")
         arm = _arm(fixes)
         receiver = {"lever_arm": arm, "averaged": averaged_by(fixes)}
-        return _of_alignment(aligned(sure, imu, gnss, receiver, stated.position, earth, ends=True), imu, arm, stated)
+        found = aligned(sure, imu, gnss, receiver, stated.position, earth, ends=True)
+        return _of_alignment(found, imu, fixes, stated, earth)
     if stated.attitude is not None and stated.velocity is not None:
         quaternion = np.asarray(rotation.quat_from_euler(np.array(stated.attitude)))
         position = np.zeros(3) if stated.position is None else np.array(stated.position)
@@ -163,7 +173,9 @@ def aligned(
     return align_on_the_move(imu, gnss, **{**receiver, **options}, earth=earth)
 
 
-def _of_alignment(found: StartAtRest | StartOnTheMove, imu: Imu, arm: Any, stated: Stated) -> Begun:
+def _of_alignment(
+    found: StartAtRest | StartOnTheMove, imu: Imu, fixes: Sequence[Fixes], stated: Stated, earth: AbstractEarth
+) -> Begun:
     """The record from the end of an alignment on, without the biases that it found."""
     rest = between(imu, found.time)
     moving = isinstance(found, StartOnTheMove)
@@ -176,8 +188,41 @@ def _of_alignment(found: StartAtRest | StartOnTheMove, imu: Imu, arm: Any, state
             said = ", ".join(f"{b:.4g}" for b in factor * biases[name])
             notes.append(f"Biases of the alignment are taken off the {name}: {said} {unit}.")
     if not moving:
-        start = _of_imu(start, arm, stated)
-    return Begun(rest, start, found.initial, found.time if moving else None, tuple(notes))
+        return Begun(rest, _of_imu(start, _arm(fixes), stated), found.initial, None, tuple(notes))
+    receiver = next((f.sensor for f in fixes if isinstance(f.sensor, AbstractReceiver)), None)
+    initial = found.initial
+    if receiver is not None and receiver.states:
+        used = between(imu, end=found.time)
+        used = replace(used, **{name: getattr(used, name) - bias for name, bias in biases.items()})
+        P = np.asarray(initial.covariance) + _of_receiver(receiver, found, used, earth)
+        initial = InitialUncertainty(covariance=(P + P.T) / 2)
+    return Begun(rest, start, initial, found.time, tuple(notes))
+
+
+def _of_receiver(receiver: AbstractReceiver, start: Start, used: Imu, earth: AbstractEarth) -> np.ndarray:
+    """Covariance (9, 9) of what an alignment by the fixes of a receiver takes for known, and a filter does not.
+
+    Fixes of another moment tell the position and velocity of that moment, fixes of an antenna that is elsewhere those
+    of another point, and errors that last are in all of them. Headings of another moment are off by turns, this way and
+    that: by what is usual in the samples that were used.
+    """
+    C = np.asarray(rotation.dcm_from_quat(jnp.asarray(start.quaternion)[:, None]))[:, :, 0]
+    gravity = np.asarray(earth.gravity_n(jnp.asarray(start.position)[:, None]))[:, 0]
+    last = max(round(_CALM * used.rate), 1)
+    force, rate = used.accel[-last:].mean(axis=0), used.gyro[-last:].mean(axis=0)
+    slope = [np.concatenate([C @ e, C @ np.cross(rate, e), np.zeros(3)]) for e in np.eye(3)[: len(receiver.arm_states)]]
+    if receiver.clock is not None:
+        slope.append(np.concatenate([start.velocity, C @ force + gravity, np.zeros(3)]))
+    first = 0 if "position" in receiver.parts else 3
+    if receiver.drifts:
+        slope += [np.eye(9)[first + component] for component in receiver.drifting]
+    own = own_states([receiver], used.rate)
+    J = np.stack(slope, axis=1) @ np.asarray(own.readout)
+    P = J @ np.asarray(own.initial) @ J.T
+    if receiver.clock is not None:
+        turns = used.gyro @ C.T
+        P[6:, 6:] += float(receiver.clock.sd) ** 2 * turns.T @ turns / len(turns)
+    return P
 
 
 def gravity_at(earth: AbstractEarth, gnss: GnssRecord) -> float:

@@ -25,7 +25,7 @@ class ReferenceErrors:
     sd
         What the filter says of them, shape (E, 9).
     nees
-        Group of states -> normalised squared errors, shape (E,).
+        Group of states -> normalised squared errors, shape (E,); NaN where the filter claims to know one exactly.
     """
 
     time: Float64[np.ndarray, " E"]
@@ -51,6 +51,11 @@ class ReferenceErrors:
             f"Errors against the reference at {len(self.time)} epochs from {self.time[0]:g} to {self.time[-1]:g} s",
             format_table(["", "unit", "rms error", "claimed"], rows, left=2),
             "mean NEES / dof (epochs of one run are not independent): "
-            + ", ".join(f"{g} {self.nees[g].mean() / n:.3g}" for g, n in sizes.items()),
+            + ", ".join(f"{g} {_mean_of_known(self.nees[g]) / n:.3g}" for g, n in sizes.items()),
         ]
         return "\n".join(lines)
+
+
+def _mean_of_known(x: np.ndarray) -> float:
+    known = x[np.isfinite(x)]
+    return float(known.mean()) if len(known) else np.nan

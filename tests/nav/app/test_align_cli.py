@@ -11,6 +11,7 @@ from nav.app.test_analysis_cli import call
 from scipy.spatial.transform import Rotation
 
 import nav_jax as nj
+from nav_jax.app.record_file import read_record
 
 ORIGIN = (46.5, 6.6, 400.0)
 TOW = 156840.0
@@ -148,6 +149,29 @@ def test_navigation_starts_where_an_alignment_on_the_move_ends(tmp_path):
     np.testing.assert_allclose(found, np.rad2deg(bias) * 3600, rtol=0, atol=np.rad2deg(1e-4) * 3600)
     # the fixes up to the start were used by the alignment, and are not used again
     assert solution.fixes[0].time[0] == TOW + 30.5
+
+
+def test_what_is_unknown_of_a_receiver_is_unknown_of_the_start(tmp_path):
+    """Its clock by the way of that time, its antenna by where that is, errors that last as they are."""
+    config = written(tmp_path, moving.car(), MOVING + ALIGNED)
+    known = read_record(config)
+    exact = np.asarray(known.initial.covariance)
+    C = Rotation.from_quat(np.roll(known.quaternion, -1)).as_matrix()
+
+    def more(option):
+        config.write_text((TOML + MOVING + ALIGNED).replace('"gnss.pos"', f'"gnss.pos"\n{option}'))
+        return np.asarray(read_record(config).initial.covariance) - exact
+
+    late = more("time_offset_sd = 0.1")
+    np.testing.assert_allclose(late[:3, :3], 0.01 * np.outer(known.velocity, known.velocity), rtol=0, atol=1e-9)
+    a = late[:3, 3:6].T @ known.velocity / (0.01 * known.velocity @ known.velocity)
+    np.testing.assert_allclose(late[3:6, 3:6], 0.01 * np.outer(a, a), rtol=0, atol=1e-9)
+    turning = (known.imu.gyro[:50] @ C.T)[:, 2]  # it turns at about this rate a third of the time
+    assert 0.01 * late[8, 8] < (0.1 * np.abs(turning).max()) ** 2
+    arm = more("lever_arm_sd = [0.3, 0.2, 0.1]")
+    np.testing.assert_allclose(arm[:3, :3], C @ np.diag([0.09, 0.04, 0.01]) @ C.T, rtol=0, atol=1e-9)
+    lasting = more('drift = "GM(beta=0.05, variance=0.25)"')
+    np.testing.assert_allclose(lasting, np.diag([0.25] * 3 + [0.0] * 6), rtol=0, atol=1e-9)
 
 
 def test_navigation_starts_where_the_vehicle_stood(tmp_path):

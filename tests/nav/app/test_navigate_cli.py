@@ -6,6 +6,7 @@ import numpy as np
 import pymap3d
 import pytest
 from nav.app.test_analysis_cli import call
+from nav.small_drive import write_drive
 from scipy.spatial.transform import Rotation
 
 import nav_jax as nj
@@ -232,3 +233,34 @@ def test_inspect(drive, tmp_path):
     assert content["fixes"]["start"] == pytest.approx(TOW + 0.3, abs=1.0)
     assert (tmp_path / "inspection.png").read_bytes().startswith(b"\x89PNG")
     assert "give --out" in call("inspect", drive, "--plot", code=2).stderr
+
+
+def test_a_record_has_an_origin_that_not_all_of_its_sensors_need(tmp_path):
+    """Speeds and velocities have none, and local positions are about it already."""
+    *_, config = write_drive(tmp_path)
+    at = np.arange(1.0, 5.0)
+    for name, columns in (("odo", "time,speed"), ("speed", "time,vn,ve,vd"), ("baro", "time,height")):
+        table = np.column_stack([at, np.zeros((4, columns.count(",")))])
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=columns, comments="")
+    more = """
+[[aiding]]
+type = "odometer"
+file = "odo.csv"
+speed = 0.1
+[[aiding]]
+type = "gnss_velocity"
+file = "speed.csv"
+horizontal = 0.1
+vertical = 0.1
+[[aiding]]
+type = "barometer"
+file = "baro.csv"
+height = 0.5
+[run]
+earth = "wgs84"
+"""
+    config.write_text(config.read_text().replace("[record]", "[record]\norigin = [0.81, 0.115, 400.0]", 1) + more)
+    known = read_record(config)
+    assert [f.sensor.name for f in known.aiding] == ["gnss_position", "odometer", "gnss_velocity", "barometer"]
+    np.testing.assert_array_equal(known.aiding[0].value, np.zeros((4, 3)))
+    np.testing.assert_array_equal(known.aiding[3].value, np.full((4, 1), -400.0))

@@ -14,6 +14,7 @@ import nav_jax as nj
 from nav_jax.filter.parameters import AidingLines
 from nav_jax.filter.status import Status
 from nav_jax.recorded.navigation import prepare_navigation, run_record
+from nav_jax.recorded.reference import ReferenceErrors
 
 REFERENCE = nj.motions.lemniscate(6.0, setups.RATE)
 ERRORS = nj.ImuErrors(gj.WN(6e-5) + gj.AR1(0.998, 1e-8), gj.WN(1.5e-6), setups.RATE)
@@ -234,3 +235,9 @@ def test_bad_covariances(covariance, message):
 def test_bad_fixes(time, value, message):
     with pytest.raises(ValueError, match=message):
         nj.Fixes(SENSORS[2], time, value)
+
+
+def test_what_is_known_exactly_is_no_part_of_a_mean():
+    """As the velocity at the start of a vehicle that stood there: its covariance is singular."""
+    errors = ReferenceErrors(np.arange(2.0), np.zeros((2, 9)), np.ones((2, 9)), {"velocity": np.array([np.nan, 6.0])})
+    assert "velocity 2" in repr(errors)
