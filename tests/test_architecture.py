@@ -41,7 +41,7 @@ _BELOW = {
         campaign: kinematics trajectory imu aiding filter statistics simulation
         lincov: kinematics trajectory imu aiding filter statistics simulation
         recorded: kinematics trajectory imu aiding filter statistics
-        plotting: kinematics trajectory imu aiding filter statistics simulation lincov recorded
+        plotting: kinematics trajectory imu aiding filter statistics simulation campaign lincov recorded
         app: kinematics trajectory imu aiding filter statistics simulation campaign lincov recorded plotting
     """,
 }

@@ -155,11 +155,15 @@ def entries_of(*drawn: Axes) -> dict[str, Any]:
 
 
 def put(ax: Axes, item: Item, **style: Any) -> Any:
-    """Draw one item of a frame."""
+    """Draw one item of a frame: a curve, or a band, of a single point as that point, or as its interval."""
     style["label"] = item.label or None
     match item:
+        case Line() if len(item.x) == 1:
+            return ax.plot(item.x, item.y, **{"marker": "o", "ms": 5} | style)
         case Line() | Points():
             return ax.plot(item.x, item.y, **style)
+        case Band() if len(item.x) == 1:
+            return ax.vlines(item.x, item.low, item.high, lw=8, **style)
         case Band():
             return ax.fill_between(item.x, item.low, item.high, lw=0, **style)
         case Bars():

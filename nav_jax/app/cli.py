@@ -103,6 +103,12 @@ def _as_keys(text: str) -> str:
     return re.sub(r"as in trajectory\.smoothed\(([^)]*)\)", r"by smooth = \1 in [trajectory]", text)
 
 
+def _store_folder(path: Path) -> Path:
+    if path.suffix.lower() != ".zarr":
+        raise typer.BadParameter(f"a campaign is kept in a folder *.zarr, not {str(path)!r}")
+    return path
+
+
 def _result_file(path: Path | None) -> Path | None:
     if path is not None and path.suffix.lower() not in (".zarr", ".nc"):
         raise typer.BadParameter(f"results are saved as .zarr or .nc, not {str(path)!r}")
@@ -171,7 +177,9 @@ def compare(
     _finish(result, repr(result), targets)
 
 
-Store = Annotated[Path, typer.Option(help="Folder *.zarr of the campaign, new or to be continued.")]
+Store = Annotated[
+    Path, typer.Option(help="Folder *.zarr of the campaign, new or to be continued.", callback=_store_folder)
+]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; threads of this one unless stated.")]
 Scheduler = Annotated[str | None, typer.Option(help="Of a Dask cluster in place of processes: tcp://...")]
 
@@ -189,6 +197,7 @@ def campaign(
     stop: Stop = None,
     out: Out = None,
     json_file: Json = None,
+    plot: Plot = None,
 ) -> None:
     """Run the filters into a store that survives a crash: the same command again computes what is missing."""
     from nav_jax.app.comparison_file import read_config
@@ -197,7 +206,11 @@ def campaign(
     if workers is not None and scheduler is not None:
         raise ValueError("Either --workers or --scheduler: the scheduler has its own workers.")
     known = read_config(config)
-    study, rule = known.campaign(num_runs=num_runs, seed=seed, keep=keep), known.run.rule if stop is None else stop
+    folder, plot = _folder(known.output, config.parent, out, plot)
+    wanted = known.run.num_runs if num_runs is None else num_runs
+    study, rule = known.campaign(num_runs=wanted, seed=seed, keep=keep), known.run.rule if stop is None else stop
+    if study.num_runs > wanted:
+        typer.echo(f"{study.num_runs} runs in place of {wanted}: whole chunks of {study.chunk_size}.", err=True)
     if cost:
         typer.echo(f"{study!r}\n{study.cost()!r}")
         return
@@ -205,7 +218,8 @@ def campaign(
         status = study.run(store, executor=executor, stop=rule, progress=True)
     if status.complete or status.num_missing < status.num_chunks:
         result = study.comparison(stop=rule)
-        _give(comparison_report(result), json_file, out, plot=False, text=repr(result))
+        statistics = None if keep == "judged" else study.statistics()
+        _give(comparison_report(result, statistics), json_file, folder, plot=plot, text=repr(result))
     if not status.complete:
         typer.echo(repr(status), err=True)
         raise typer.Exit(1 if status.failed else INTERRUPTED)

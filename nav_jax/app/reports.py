@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from gmwm_jax._internal.atomic import write_atomically
 from gmwm_jax.units import STANDARD_GRAVITY
+from nav_jax.campaign.results import Statistics
 from nav_jax.filter.layout import JUDGED, QUANTITIES
 from nav_jax.imu.channels import CHANNELS
 from nav_jax.imu.deterministic import DETERMINISTIC
@@ -24,6 +25,7 @@ from nav_jax.lincov.analysis import Analysis, Covariances
 from nav_jax.lincov.budget import Budget
 from nav_jax.lincov.derivatives import Sensitivities
 from nav_jax.lincov.filter_design import Candidate, Design, judged
+from nav_jax.plotting.campaign import plot_statistics
 from nav_jax.plotting.comparison import plot_comparison, plot_consistency, plot_mean_errors, plot_nis
 from nav_jax.plotting.navigation import plot_innovations, plot_sensor_estimates, plot_withheld
 from nav_jax.plotting.runs import plot_errors, plot_realisations, plot_sensor_states
@@ -74,10 +76,11 @@ class Report(NamedTuple):
         return [*texts, *figures]
 
 
-def comparison_report(comparison: Comparison) -> Report:
+def comparison_report(comparison: Comparison, statistics: Mapping[str, Statistics] | None = None) -> Report:
     """The ranking, and of each model its errors beside what the filter says of them.
 
-    There are a ranking and figures where there are two or more runs in which no model failed.
+    There are a ranking and figures where there are two or more runs in which no model failed. Statistics are those that
+    a campaign has of every epoch.
     """
     enough = comparison.num_common >= 2
     table = comparison.table() if enough else None
@@ -100,7 +103,10 @@ def comparison_report(comparison: Comparison) -> Report:
         },
     }
     text = "\n\n".join([repr(comparison), *(repr(r) for r in comparison.runs.values())])
-    return Report(COMPARISON, text, content, dict(_comparison_figures(comparison)) if enough else {})
+    figures = dict(_comparison_figures(comparison)) if enough else {}
+    if enough and statistics is not None:
+        figures["statistics.png"] = lambda: plot_statistics(statistics)
+    return Report(COMPARISON, text, content, figures)
 
 
 def two_level_report(found: TwoLevel) -> Report:
@@ -130,6 +136,8 @@ def _comparison_figures(comparison: Comparison) -> Iterable[tuple[str, Callable[
     reference, runs = comparison.reference, comparison.runs
     yield "comparison.png", lambda: plot_comparison(comparison)
     yield "trajectory.png", lambda: plot_trajectory(reference)
+    if all(len(r.time) == 1 for r in runs.values()):  # a campaign that keeps no others: there is nothing over time
+        return
     yield "mean_errors.png", lambda: plot_mean_errors(comparison, log=True)
     yield "consistency.png", lambda: plot_consistency(comparison)
     if any(len(times) for r in runs.values() for times in r.nis_time.values()):

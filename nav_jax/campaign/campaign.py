@@ -208,6 +208,11 @@ class Campaign:
         return self._num_chunks * self._definition.chunk_size
 
     @property
+    def chunk_size(self) -> int:
+        """Runs in a chunk."""
+        return self._definition.chunk_size
+
+    @property
     def scenarios(self) -> tuple[str, ...]:
         """Their names."""
         return tuple(self._definition.scenarios)
@@ -581,6 +586,7 @@ def _statistics(template: Runs, totals: Mapping[str, Any]) -> Statistics:
         mean_nis={sensor: totals[f"sum_nis.{sensor}"] / num for sensor in template.nis},
         nis_time=template.nis_time,
         histogram=totals["histogram"],
+        outages=template.outages,
     )
 
 

@@ -6,7 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from gmwm_jax._internal.drawing import Drawable
 from gmwm_jax._internal.limits import as_bytes
+from gmwm_jax._internal.saved import Saved
+from gmwm_jax._internal.states import saved
 from nav_jax.simulation.stopping import Stopped
 
 _MOST_NAMED = 5
@@ -112,8 +115,9 @@ class Cost:
         )
 
 
+@saved(not_finite=("mean_nees", "mean_nis"))
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Statistics:
+class Statistics(Drawable, Saved):
     """Of one filter over all its good runs: E epochs.
 
     Attributes
@@ -140,6 +144,8 @@ class Statistics:
     histogram
         Counts of errors of position, velocity and attitude over the sigma that the filter claims, of all epochs,
         between `contents.EDGES`, with what lies beyond at either end.
+    outages
+        Sensor -> (start, end) of each, in s.
     """
 
     name: str
@@ -155,6 +161,7 @@ class Statistics:
     mean_nis: Mapping[str, Float64[np.ndarray, " _"]]
     nis_time: Mapping[str, Float64[np.ndarray, " _"]]
     histogram: Int64[np.ndarray, "9 bin"]
+    outages: Mapping[str, tuple[tuple[float, float], ...]]
 
     def __repr__(self) -> str:
         last = {block: float(curve[-1]) for block, curve in self.mean_length.items()}

@@ -18,6 +18,8 @@ from gmwm_jax._internal.figure_data import Mark as Mark
 from gmwm_jax._internal.figure_data import Points as Points
 from gmwm_jax._internal.figure_data import Span as Span
 from nav_jax.plotting._style import draw as draw
+from nav_jax.plotting.campaign import plot_statistics as plot_statistics
+from nav_jax.plotting.campaign import statistics_data as statistics_data
 from nav_jax.plotting.comparison import comparison_data as comparison_data
 from nav_jax.plotting.comparison import consistency_data as consistency_data
 from nav_jax.plotting.comparison import mean_errors_data as mean_errors_data

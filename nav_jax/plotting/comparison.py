@@ -100,7 +100,7 @@ def plot_mean_errors(models: Models, *, log: bool = True, level: float = 0.95, a
     shown = mean_errors_data(models, log=log, level=level)
     figure, drawn = frames(axes, 1, 2, (10.5, 4.8), sharex=True)
     for ax, frame in zip(drawn, shown, strict=True):
-        _draw_means(ax, frame)
+        draw_means(ax, frame)
     legend_below(figure, drawn, alone=axes is None, **_title(f"{len(_common(models)[1])} runs", level))
     return figure
 
@@ -192,26 +192,30 @@ def plot_consistency(
     figure, drawn = frames(axes, 2, num, (1.5 + 4 * num, 6.4), sharex=True)
     order = list(by_name)
     for i, (ax, frame) in enumerate(zip(drawn, shown, strict=True)):
-        nees = i < num
-        for item in without_outages(frame):
-            match item:
-                case Span():
-                    put(ax, item, color=_CONSISTENT, zorder=1)
-                case Mark():
-                    put(ax, item, color="0.4", lw=0.7)
-                case Line():  # a share of 1 lies on the edge
-                    put_in_turns(ax, item, order.index(item.label), len(order), clip_on=nees)
-        if nees:
-            _far_off(ax)
-        else:
-            ax.set_ylim(0, 1)
-        _finish(ax, frame)
-        if nees and axes is None:
+        draw_consistent(ax, frame, order, is_share=i >= num)
+        if i < num and axes is None:
             ax.set_xlabel("")
     legend_below(
         figure, drawn, alone=axes is None, **_title(f"{len(chosen)} runs", level, "band of a consistent filter")
     )
     return figure
+
+
+def draw_consistent(ax: Axes, frame: Frame, order: Sequence[str], *, is_share: bool) -> None:
+    """Curves of the models in this order, and where those of a consistent filter lie."""
+    for item in without_outages(frame):
+        match item:
+            case Span():
+                put(ax, item, color=_CONSISTENT, zorder=1)
+            case Mark():
+                put(ax, item, color="0.4", lw=0.7)
+            case Line():  # a share of 1 lies on the edge
+                put_in_turns(ax, item, order.index(item.label), len(order), clip_on=not is_share)
+    if is_share:
+        ax.set_ylim(0, 1)
+    else:
+        _far_off(ax)
+    _finish(ax, frame)
 
 
 def nis_data(models: Models, *, sensors: Sequence[str] | None = None, level: float = 0.95) -> tuple[Frame, ...]:
@@ -392,7 +396,7 @@ def plot_comparison(
     figure, drawn = frames(axes, 2, 3, (15, 8.6))
     position, orientation, score, nees, covered, pairs = drawn
     for ax, frame in zip((position, orientation, score), shown[:3], strict=True):
-        _draw_means(ax, frame._replace(items=frame.items[:-1]))
+        draw_means(ax, frame._replace(items=frame.items[:-1]))
     plot_consistency(comparison, groups=("pose",), level=level, axes=(nees, covered))
     nees.get_legend().remove()  # type: ignore[union-attr]
     for ax, frame in zip(drawn[:5], shown[:5], strict=True):
@@ -446,7 +450,7 @@ def _mean_frame(
     return Frame(title, TIME, axis, (*items, *outage_items(_outages(by_name))))
 
 
-def _draw_means(ax: Axes, frame: Frame) -> None:
+def draw_means(ax: Axes, frame: Frame) -> None:
     """Bands and lines of the models, of which none hides another."""
     items = bands_and_lines(ax, frame)
     if frame.y.scale == "log":
@@ -483,7 +487,8 @@ def _common(models: Models) -> tuple[dict[str, Runs], np.ndarray]:
 def _finish(ax: Axes, frame: Frame) -> None:
     shade(ax, frame)
     describe(ax, frame, fontsize=9)
-    ax.margins(x=0)
+    is_one_epoch = all(len(item.x) == 1 for item in frame.items if isinstance(item, Line))
+    ax.margins(x=0.05 if is_one_epoch else 0)
     grid(ax)
 
 

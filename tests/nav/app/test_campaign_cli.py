@@ -45,6 +45,17 @@ def test_a_campaign_is_run_and_continued(config):
 
 
 @pytest.mark.slow
+def test_the_folder_of_the_file_and_whole_chunks(config):
+    config.write_text(config.read_text() + '[output]\nfolder = "results"\nplot = true\n')
+    said = call("campaign", config, "--store", "s.zarr", "--num-runs", 4)
+    assert "6 runs in place of 4: whole chunks of 3." in said.stderr
+    figures = {"comparison.png", "trajectory.png", "statistics.png"}
+    assert {p.name for p in (config.parent / "results").iterdir()} == {"comparison.txt", "comparison.json"} | figures
+    said = call("campaign", config, "--store", "s.npz", code=2)
+    assert "a campaign is kept in a folder *.zarr, not 's.npz'" in said.stderr
+
+
+@pytest.mark.slow
 def test_a_rule_of_the_file_and_one_of_the_command_line(config):
     """The file's is about a precision that any runs have; the other needs as many as there are."""
     config.write_text(config.read_text() + 'stop = {position = "1 km", least = 18}\n')

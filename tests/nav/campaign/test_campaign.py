@@ -126,6 +126,41 @@ def test_statistics_are_those_of_the_runs(kept):
         assert found.histogram[4].sum() == standardised.size
 
 
+def test_statistics_save_and_draw_themselves(kept, tmp_path, rendered_figures):
+    """The figure has the numbers that that of all runs has: the same intervals, bands and curves."""
+    every = kept.statistics()
+    one = every["right"]
+    assert repr(nj.load(one.save(tmp_path / "right.npz"))) == repr(one)
+    one.plot()
+    nj.plotting.plot_statistics(every)
+    assert len(rendered_figures) == 2
+    runs = kept.comparison()
+    position, _, orientation, claimed, nees, covered = nj.plotting.statistics_data(every)
+    for frame, expected in zip((position, orientation), nj.plotting.mean_errors_data(runs), strict=True):
+        for item, other in zip(frame.items, expected.items, strict=True):
+            for a, b in zip(item, other, strict=True):
+                if isinstance(b, np.ndarray):
+                    np.testing.assert_allclose(a, b, rtol=1e-7)
+                else:
+                    assert a == b
+    for frame, expected in zip((nees, covered), nj.plotting.consistency_data(runs, groups=("pose",)), strict=True):
+        by_name = {item.label: item for item in frame.items}
+        for item in expected.items:
+            if item.label:
+                np.testing.assert_allclose(by_name[item.label][1:3], item[1:3], rtol=1e-9)
+    error, sd = (x[..., :3] ** 2 for x in (runs["right"].error, runs["right"].sd))
+    ratio = np.sqrt(sd.sum(axis=2).mean(axis=0) / error.sum(axis=2).mean(axis=0))
+    np.testing.assert_allclose(claimed.items[0].y, ratio, rtol=1e-9)
+
+
+def test_the_judged_epoch_alone_is_seen_in_figures(done, rendered_figures):
+    figure = nj.Campaign.open(done).comparison().plot()
+    for ax in figure.axes[:5]:
+        points = [line for line in ax.lines if len(line.get_xdata()) == 1]
+        assert points
+        assert all(line.get_marker() == "o" for line in points)
+
+
 @pytest.mark.slow
 def test_gains_of_the_reference():
     study = campaign(4, gains="reference", keep="judged")
