@@ -25,7 +25,7 @@ TWO_LEVEL: Final = "two-level"
 """What `nav_jax.compare` calls it."""
 LINEAR: Final = "linear"
 """Runs on shared gains, made linear."""
-_PILOT = 64
+PILOT = 64
 """Runs with their own gains from which the number of them is chosen."""
 _JUDGED = ("position", "nees")
 """By which that number is chosen: what is printed."""
@@ -222,7 +222,7 @@ def two_levels(
     known
         Means of linear runs, see `nav_jax.simulation.linear`; None where nobody knows them.
     """
-    own = run("estimate", min(_PILOT, num_runs))
+    own = run("estimate", min(PILOT, num_runs))
     if known is not None:
         found = TwoLevel(run(LINEAR, _num_runs(own)), own, excess, known)
         # a pilot of differences with a long tail knows their variance badly: what came of it is looked at again

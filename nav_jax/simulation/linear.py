@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Array, Float, Float64
 
+from gmwm_jax._internal.host import compiled_quickly
 from nav_jax.filter.experiment import Setup
 from nav_jax.filter.joint_covariance import linear_covariance, motion_of, noise_of
 from nav_jax.filter.layout import GROUPS, NAVIGATION
@@ -85,6 +85,11 @@ def _means(true: Float64[np.ndarray, "E nav nav"], claimed: Float64[np.ndarray, 
     """From the covariance of the errors and from what the filter says of it."""
     lengths = {b: mean_length(true[:, NAVIGATION[b], NAVIGATION[b]]) for b in NAVIGATION.names}
     pose = np.array(NAVIGATION.columns(*GROUPS["pose"]))
-    P, S = (jnp.moveaxis(C[:, pose][:, :, pose], 0, -1) for C in (claimed, true))
-    # E e' P^-1 e = tr(P^-1 E e e')
-    return lengths | {"nees": np.asarray(log_det_and_trace(P, S)[1]) / len(pose)}
+    P, S = (np.moveaxis(C[:, pose][:, :, pose], 0, -1) for C in (claimed, true))
+    return lengths | {"nees": np.asarray(_mean_nees(P, S)) / len(pose)}
+
+
+@compiled_quickly()
+def _mean_nees(P: Float[Array, "K K E"], S: Float[Array, "K K E"]) -> Float[Array, " E"]:
+    """E e' P^-1 e = tr(P^-1 S) for errors e of covariance S; NaN where P is singular."""
+    return log_det_and_trace(P, S)[1]
