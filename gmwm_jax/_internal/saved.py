@@ -16,6 +16,9 @@ S = TypeVar("S")
 _PACKAGES = ("gmwm_jax", "nav_jax")
 """Whose results are read, of each if it is imported."""
 
+_CAMPAIGN = "nav_jax campaign"
+"""What folders of the same format say that have many results in parts."""
+
 
 class Saved:
     """A result that files can hold. Its class has a row in the registry, see `gmwm_jax._internal.states`."""
@@ -124,6 +127,10 @@ def load(path: str | os.PathLike, *, max_bytes: int | str | None = None) -> Any:
                 return known.from_xarray(dataset)
             except ValueError as error:
                 raise ValueError(f"{path}: {error}") from error
+        if dataset.attrs["kind"] == _CAMPAIGN:
+            raise ValueError(
+                f"{path} is the store of a campaign, and no single result: nav_jax.Campaign.open reads it."
+            )
         content = state_of_dataset(path, dataset)
     else:
         content = read_state(path)

@@ -130,7 +130,9 @@ def read_dataset(path: str | os.PathLike, max_bytes: int | None = None) -> "xarr
             require_size("The result", _bytes_of_zarr(path), sum(file.stat().st_size for file in parts), max_bytes)
         else:
             require_size("The result", bytes_of_hdf5(path), path.stat().st_size, max_bytes)
-        found = xarray.load_dataset(path, engine=engine, decode_times=False)
+        # a folder says all of itself in one more file, or does not: that of a campaign grows
+        how = {"consolidated": False} if engine == "zarr" else {}
+        found = xarray.load_dataset(path, engine=engine, decode_times=False, **how)
     except TooLargeError as error:
         raise TooLargeError(f"{path}: {error}") from error
     except Exception as error:  # of HDF5, Zarr, its codecs and JSON there are too many kinds to name

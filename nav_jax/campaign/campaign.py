@@ -544,7 +544,8 @@ class Campaign:
         if scenario is None and len(self.scenarios) == 1:
             return self.scenarios[0]
         if scenario not in self.scenarios:
-            raise ValueError(f"There is no scenario {scenario!r}; there are {', '.join(self.scenarios)}.")
+            said = "Name one of the scenarios" if scenario is None else f"{scenario!r} is none of the scenarios"
+            raise ValueError(f"{said}: {', '.join(self.scenarios)}.")
         return str(scenario)
 
     def _open_store(self, path: Path) -> Store:

@@ -161,6 +161,11 @@ def test_the_judged_epoch_alone_is_seen_in_figures(done, rendered_figures):
         assert all(line.get_marker() == "o" for line in points)
 
 
+def test_a_store_is_no_single_result(done):
+    with pytest.raises(ValueError, match=r"is the store of a campaign, and no single result: nav_jax\.Campaign\.open"):
+        nj.load(done)
+
+
 @pytest.mark.slow
 def test_gains_of_the_reference():
     study = campaign(4, gains="reference", keep="judged")
