@@ -129,7 +129,7 @@ def load(path: str | os.PathLike, *, max_bytes: int | str | None = None) -> Any:
                 raise ValueError(f"{path}: {error}") from error
         if dataset.attrs["kind"] == _CAMPAIGN:
             raise ValueError(
-                f"{path} is the store of a campaign, and no single result: nav_jax.Campaign.open reads it."
+                f"{path} is the store of a campaign, no single result: nav_jax.Campaign.open reads it."
             )
         content = state_of_dataset(path, dataset)
     else:

@@ -162,7 +162,7 @@ def test_the_judged_epoch_alone_is_seen_in_figures(done, rendered_figures):
 
 
 def test_a_store_is_no_single_result(done):
-    with pytest.raises(ValueError, match=r"is the store of a campaign, and no single result: nav_jax\.Campaign\.open"):
+    with pytest.raises(ValueError, match=r"is the store of a campaign, no single result: nav_jax\.Campaign\.open"):
         nj.load(done)
 
 
