@@ -6,9 +6,11 @@ task is done again. The checksum begins with the specification and the place of 
 campaign, or of another place, is none of this one. Metadata are known beforehand: what differs from them is restored.
 """
 
+import contextlib
 import hashlib
 import json
 import os
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,6 +29,9 @@ FORMAT = 1
 _META = "zarr.json"
 _DONE = "done"
 _SCENARIOS, _INPUTS, _FAILED = "scenarios", "inputs", "failed"
+
+_PARTS, _ABANDONED = "*.partial", 24 * 3600.0
+"""What Zarr writes before it renames it, and s after which nobody is doing that any more."""
 
 
 class Layout(NamedTuple):
@@ -93,6 +98,7 @@ class Store:
             if former is not None:
                 require_same(self.path, "campaign", former.text, self.specification.text)
             make_folder(self.path.absolute().parent)
+            self._clear()
             damaged = []
             for name, content in self._frame().items():
                 file = self.path / name
@@ -101,6 +107,13 @@ class Store:
                         damaged.append(name)
                     self._put(name, content)
             return damaged
+
+    def _clear(self) -> None:
+        """Remove what killed writers have left."""
+        for part in self.path.rglob(_PARTS):
+            with contextlib.suppress(FileNotFoundError):  # another one has removed it, or ended it after all
+                if time.time() - part.stat().st_mtime > _ABANDONED:
+                    part.unlink()
 
     def _frame(self) -> dict[str, bytes]:
         """File -> what is in it, of all that does not come from tasks; the root comes last."""

@@ -1,7 +1,9 @@
 """Campaigns: what a store holds does not depend on who wrote it when, and what is damaged is never believed."""
 
 import errno
+import os
 import shutil
+import time
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import replace
 
@@ -159,6 +161,17 @@ def test_the_judged_epoch_alone_is_seen_in_figures(done, rendered_figures):
         points = [line for line in ax.lines if len(line.get_xdata()) == 1]
         assert points
         assert all(line.get_marker() == "o" for line in points)
+
+
+def test_what_killed_writers_left_is_removed_when_nobody_can_be_writing_it(store):
+    old, new = (store / "scenarios" / "drive" / f"0.{name}.partial" for name in ("old", "new"))
+    for file in (old, new):
+        file.write_bytes(b"half")
+    two_days_ago = time.time() - 2 * 24 * 3600
+    os.utime(old, (two_days_ago, two_days_ago))
+    assert campaign().run(store).complete
+    assert not old.exists()
+    assert new.exists()
 
 
 def test_a_store_is_no_single_result(done):
