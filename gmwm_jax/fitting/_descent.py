@@ -1,4 +1,4 @@
-"""Newton's method for the reduced objective, from one start.
+"""Newton's method for the reduced objective, from a batch of starts.
 
 Saddle-free (Dauphin et al. 2014): the eigenvalues of the Hessian are taken by their size, so that a step leads down
 along what bends down as well, and an eigenvalue of zero is no step. Steps are as long as the quadratic model deserves
@@ -9,11 +9,12 @@ Newton, Bertsekas 1982).
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
-from jax import Array, lax
+import numpy as np
+from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from gmwm_jax.fitting._batch import choose_each, while_each
 from gmwm_jax.fitting.reduced import Data, Layout, Reduced, reduced
 
 _FIRST_RADIUS, _LARGEST_RADIUS = 1.0, 4.0
@@ -31,23 +32,23 @@ TOUCHES = 1e-9
 
 
 class _State(NamedTuple):
-    u: Float[Array, " C"]
+    u: Float[Array, "S C"]
     here: Reduced
-    move: Float[Array, " C"]
+    move: Float[Array, "S C"]
     """From u to where it is tried next."""
-    expected: Float[Array, ""]
+    expected: Float[Array, " S"]
     """What the quadratic model says that the move gains."""
-    share: Float[Array, ""]
+    share: Float[Array, " S"]
     """Of Newton's step that the move is: less than one where the radius cuts it."""
-    radius: Float[Array, ""]
-    done: Bool[Array, ""]
-    count: Int[Array, ""]
+    radius: Float[Array, " S"]
+    done: Bool[Array, " S"]
+    count: Int[Array, " S"]
 
 
 def descend(
-    layout: Layout, start: Float[Array, " C"], data: Data, max_steps: Int[Array, ""]
-) -> tuple[Float[Array, " C"], Reduced]:
-    """Go from a start to the minimum below it; coordinates may lie beyond their ends, see `fold`."""
+    layout: Layout, starts: Float[Array, "S C"], data: Data, max_steps: Int[Array, ""]
+) -> tuple[Float[Array, "S C"], Reduced]:
+    """Go from each start to the minimum below it; coordinates may lie beyond their ends, see `fold`."""
 
     def unfinished(s: _State) -> Array:
         return ~s.done & (s.count < max_steps)
@@ -57,28 +58,28 @@ def descend(
         gain = s.here.half - there.half  # of the first, from nowhere, infinite
         taken = gain >= -1e-14 * s.here.half
         first = s.count == 0
-        length = jnp.max(jnp.abs(s.move))
+        length = jnp.max(jnp.abs(s.move), axis=1)
         ratio = gain / jnp.maximum(s.expected, _TINY)
         longer = jnp.minimum(2 * s.radius, _LARGEST_RADIUS)
         radius = jnp.where(ratio < 0.25, length / 4, jnp.where((ratio > 0.75) & (s.share < 1), longer, s.radius))
         radius = jnp.where(first, s.radius, radius)
         settled = ~first & (length < jnp.where(taken, _SMALLEST_STEP, _SMALLEST_RADIUS))
 
-        here = jax.tree.map(lambda new, old: jnp.where(taken, new, old), there, s.here)
-        u = jnp.where(taken, s.u + s.move, s.u)
+        u, here = choose_each(taken, (s.u + s.move, there), (s.u, s.here))
         if layout.bounded:
             here = _held(here, stuck(here.gradient, u, data))
         bends, axes = jnp.linalg.eigh(here.hessian)
-        size = jnp.maximum(jnp.abs(bends), _FLAT * jnp.max(jnp.abs(bends)) + _TINY)
-        along = axes.T @ here.gradient
-        newton = -(axes @ (along / size))
-        share = jnp.minimum(1.0, radius / jnp.maximum(jnp.max(jnp.abs(newton)), _TINY))
-        move = share * newton
+        size = jnp.abs(bends)
+        size = jnp.maximum(size, _FLAT * jnp.max(size, axis=1, keepdims=True) + _TINY)
+        along = (here.gradient[:, None, :] @ axes)[:, 0]
+        newton = -(axes @ (along / size)[:, :, None])[:, :, 0]
+        share = jnp.minimum(1.0, radius / jnp.maximum(jnp.max(jnp.abs(newton), axis=1), _TINY))
+        move = share[:, None] * newton
         if layout.bounded:
-            move = jnp.clip(u + move, *data.bounds.T) - u
-            expected = -jnp.sum(here.gradient * move) * (1 - share / 2)
+            move = jnp.clip(u + move, *_ends(data)) - u
+            expected = -jnp.sum(here.gradient * move, axis=1) * (1 - share / 2)
         else:
-            expected = jnp.sum(along * along / size) * share * (1 - share / 2)
+            expected = jnp.sum(along * along / size, axis=1) * share * (1 - share / 2)
         return _State(
             u=u,
             here=here,
@@ -90,23 +91,34 @@ def descend(
             count=s.count + 1,
         )
 
-    num, none = layout.num_coordinates, jnp.zeros(())
-    nothing = jnp.zeros(len(layout.kinds)), jnp.ones(len(layout.free), dtype=bool)
-    nowhere = Reduced(jnp.asarray(jnp.inf), jnp.zeros(num), jnp.zeros((num, num)), *nothing)
-    radius = jnp.asarray(_FIRST_RADIUS)
-    begin = _State(start, nowhere, jnp.zeros(num), none, none + 1, radius, jnp.asarray(False), jnp.asarray(0))
-    last = lax.while_loop(unfinished, step, begin)
+    batch, num = starts.shape
+    none = jnp.zeros(batch)
+    passive = jnp.ones((batch, len(layout.free)), dtype=bool)
+    nowhere = Reduced(
+        none + jnp.inf, jnp.zeros((batch, num)), jnp.zeros((batch, num, num)), jnp.zeros((batch, len(layout.kinds))),
+        passive,
+    )  # fmt: skip
+    begin = _State(
+        starts, nowhere, jnp.zeros((batch, num)), none, none + 1, none + _FIRST_RADIUS, none > 0, jnp.zeros(batch, int)
+    )
+    last = while_each(unfinished, step, begin)
     return last.u, last.here
 
 
-def stuck(gradient: Float[Array, " C"], u: Float[Array, " C"], data: Data) -> Bool[Array, " C"]:
+def stuck(gradient: Float[Array, "S C"], u: Float[Array, "S C"], data: Data) -> Bool[Array, "S C"]:
     """Coordinates at a bound beyond which the objective falls."""
-    low, high = data.bounds.T
+    low, high = _ends(data)
     return (u <= low + TOUCHES) & (gradient > 0) | (u >= high - TOUCHES) & (gradient < 0)
 
 
-def _held(here: Reduced, held: Bool[Array, " C"]) -> Reduced:
+def _ends(data: Data) -> tuple[Float[Array, "1 C"], Float[Array, "1 C"]]:
+    return data.bounds[None, :, 0], data.bounds[None, :, 1]
+
+
+def _held(here: Reduced, held: Bool[Array, "S C"]) -> Reduced:
     """The derivatives of the problem in which some coordinates are held."""
     free = jnp.where(held, 0.0, 1.0)
-    alone = jnp.max(jnp.abs(here.hessian)) * jnp.diag(1 - free)
-    return here._replace(gradient=here.gradient * free, hessian=here.hessian * free[:, None] * free[None, :] + alone)
+    largest = jnp.max(jnp.abs(here.hessian), axis=(1, 2))
+    alone = (largest[:, None] * (1 - free))[:, :, None] * np.eye(free.shape[1])[None]
+    hessian = here.hessian * free[:, :, None] * free[:, None, :] + alone
+    return here._replace(gradient=here.gradient * free, hessian=hessian)

@@ -97,82 +97,88 @@ class Data(NamedTuple):
 
 
 class Reduced(NamedTuple):
-    """The reduced objective at one point, and what belongs to it."""
+    """The reduced objective at each of S points, and what belongs to it."""
 
-    half: Float[Array, ""]
+    half: Float[Array, " S"]
     """Q/2."""
-    gradient: Float[Array, " C"]
-    hessian: Float[Array, "C C"]
-    amplitudes: Float[Array, " P"]
-    passive: Bool[Array, " F"]
+    gradient: Float[Array, "S C"]
+    hessian: Float[Array, "S C C"]
+    amplitudes: Float[Array, "S P"]
+    passive: Bool[Array, "S F"]
     """Which of the free ones are not zero."""
 
 
-def fold(u: Float[Array, " C"], bounds: Float[Array, "C 2"]) -> Float[Array, " C"]:
+def fold(u: Float[Array, "*S C"], bounds: Float[Array, "*#S C 2"]) -> Float[Array, "*S C"]:
     """Reflect coordinates at the ends of their intervals.
 
     Beyond an end the wavelet variance no longer changes: a search that steps out would find no slope to come back.
     """
-    low, high = bounds[:, 0], bounds[:, 1]
+    low, high = bounds[..., 0], bounds[..., 1]
     width = high - low
     v = jnp.mod(u - low, 2 * width)
     return low + jnp.where(v > width, 2 * width - v, v)
 
 
-def objective(layout: Layout, u: Float[Array, " C"], data: Data) -> Float[Array, ""]:
+def objective(layout: Layout, u: Float[Array, "S C"], data: Data) -> Float[Array, " S"]:
     """Q at given shapes, minimal over the amplitudes."""
-    inner = project(layout, design(layout, _shape_columns(layout, u, data), data), data)
-    return jnp.sum(inner.residual * inner.residual)
+    residual = project(layout, design(layout, _shape_columns(layout, u, data), data), data).residual
+    return jnp.sum(residual * residual, axis=-1)
 
 
-def reduced(layout: Layout, u: Float[Array, " C"], data: Data, guess: Bool[Array, " F"]) -> Reduced:
+def reduced(layout: Layout, u: Float[Array, "S C"], data: Data, guess: Bool[Array, "S F"]) -> Reduced:
     """The reduced objective with its derivatives at given shapes; the guess is which amplitudes are not zero."""
     columns, slopes, bends = _derivatives(layout, u, data)
     whole = design(layout, columns, data)
     inner = project(layout, whole, data, guess)
-    owners, free, r = layout.owners, layout.free, inner.residual
-    amplitudes = inner.amplitudes[: layout.num_shapes]
+    owners, free, r = layout.owners, layout.free, inner.residual[..., None]
+    amplitudes = inner.amplitudes[:, : layout.num_shapes]
     if data.wanted is not None:  # a component that is absent has no slope either
         present = data.wanted[: layout.num_shapes].astype(slopes.dtype)
-        amplitudes, slopes = amplitudes * present, slopes * present[owners][:, None]
-    moved = amplitudes[owners][:, None] * slopes
-    hessian = moved @ moved.T - _blocks(layout, amplitudes, bends @ r)
+        amplitudes, slopes = amplitudes * present[None], slopes * present[owners][None, :, None]
+    amplitudes = _some(amplitudes, owners)
+    moved = amplitudes[..., None] * slopes
+    gradient, bent = -(moved @ r)[..., 0], (bends @ r[:, None])[..., 0]
+    hessian = moved @ moved.mT - amplitudes[..., None] * jnp.einsum("sad,abd->sab", bent, _blocks(layout))
     if len(free):
-        length = jnp.sqrt(jnp.sum(whole[:, free] * whole[:, free], axis=0))
-        own = (owners[:, None] == free[None, :]).astype(slopes.dtype)
-        mixed = moved @ inner.B - own * (slopes @ r)[:, None] / length[None, :]
-        mixed = mixed * inner.passive.astype(mixed.dtype)[None, :]
+        length = jnp.sqrt(jnp.sum(_some(whole, free) ** 2, axis=-2))
+        own = (owners[:, None] == free[None, :]).astype(float)
+        mixed = moved @ inner.B - own[None] * (slopes @ r) / length[:, None, :]
+        mixed = mixed * inner.passive.astype(mixed.dtype)[:, None, :]
         factor = cho_factor(passive_system(inner.G, inner.passive))
-        hessian = hessian - mixed @ cho_solve(factor, mixed.T)
-    return Reduced(jnp.sum(r * r) / 2, -moved @ r, (hessian + hessian.T) / 2, inner.amplitudes, inner.passive)
+        hessian = hessian - mixed @ cho_solve(factor, mixed.mT)
+    half = jnp.sum(inner.residual**2, axis=-1) / 2
+    return Reduced(half, gradient, (hessian + hessian.mT) / 2, inner.amplitudes, inner.passive)
 
 
-def _blocks(layout: Layout, amplitudes: Float[Array, " K"], bent: Float[Array, "C D"]) -> Float[Array, "C C"]:
-    """c_i r'b_i'' of all components as a block diagonal matrix; row a of `bent` has r'b'' along coordinate a."""
-    num, owners = layout.num_coordinates, layout.owners
-    place = np.zeros((num, num), dtype=int)
+def _blocks(layout: Layout) -> Float[np.ndarray, "C C D"]:
+    """Where the second derivatives of a component, D for each of its coordinates, stand in a matrix of all: ones."""
+    owners = layout.owners
     same = owners[:, None] == owners[None, :]
-    first = np.searchsorted(owners, owners)
-    place[same] = (np.arange(num)[None, :] - first[:, None])[same]
-    blocks = jnp.take_along_axis(bent, jnp.asarray(place), axis=1)
-    return jnp.where(same, amplitudes[owners][:, None] * blocks, 0.0)
+    place = np.arange(len(owners))[None, :] - np.searchsorted(owners, owners)[:, None]
+    widest = max(kind.num_coordinates for kind, _ in layout.runs)
+    return (same[..., None] & (place[..., None] == np.arange(widest))).astype(float)
 
 
-def _shape_columns(layout: Layout, u: Float[Array, " C"], data: Data) -> Float[Array, "K J"]:
+def _some(array: Float[Array, "*S N"], at: np.ndarray) -> Float[Array, "*S M"]:
+    """Entries of the last axis; mostly all of them, which is no operation."""
+    return array if np.array_equal(at, np.arange(array.shape[-1])) else array[..., at]
+
+
+def _shape_columns(layout: Layout, u: Float[Array, "S C"], data: Data) -> Float[Array, "S K J"]:
     """Unit wavelet variances of the components with a free shape, whitened."""
-    coordinates = u if layout.bounded else fold(u, data.bounds)
+    coordinates = u if layout.bounded else fold(u, data.bounds[None])
     rows, at = [], 0
-    for kind, count in layout.runs:  # one vmap for each run of equal kinds
+    for kind, count in layout.runs:
         num = kind.num_coordinates
-        own = coordinates[at : at + num * count].reshape(count, num)
-        rows.append(jax.vmap(_unit(kind, data.tau))(own))
+        own = coordinates[:, at : at + num * count].reshape(-1, count, num)
+        rows.append(_units(kind, data.tau)(own))
         at += num * count
-    return jnp.concatenate(rows) @ data.whitener.T
+    return jnp.concatenate(rows, axis=1) @ data.whitener.T
 
 
 def _derivatives(
-    layout: Layout, u: Float[Array, " C"], data: Data
-) -> tuple[Float[Array, "K J"], Float[Array, "C J"], Float[Array, "C D J"]]:
+    layout: Layout, u: Float[Array, "S C"], data: Data
+) -> tuple[Float[Array, "S K J"], Float[Array, "S C J"], Float[Array, "S C D J"]]:
     """Whitened columns, their slopes along each coordinate, and the second derivatives along it and its neighbours.
 
     D is the largest number of coordinates of a component; entries beyond its own are zero.
@@ -181,16 +187,17 @@ def _derivatives(
     columns, slopes, bends, at = [], [], [], 0
     for kind, count in layout.runs:
         num = kind.num_coordinates
-        rows = slice(at, at + num * count)
-        v, d, dd = jax.vmap(_with_slopes(kind, data.tau, reflects=not layout.bounded))(
-            u[rows].reshape(count, num), data.bounds[rows].reshape(count, num, 2)
-        )
+        rows, own = slice(at, at + num * count), (len(u), num * count)
+        v, d, dd = _with_slopes(
+            kind, data.tau, u[:, rows].reshape(-1, count, num),
+            None if layout.bounded else data.bounds[rows].reshape(count, num, 2),
+        )  # fmt: skip
         columns.append(v)
-        slopes.append(d.reshape(num * count, -1))
-        bends.append(jnp.pad(dd.reshape(num * count, num, -1), ((0, 0), (0, widest - num), (0, 0))))
+        slopes.append(d.reshape(*own, -1))
+        bends.append(jnp.pad(dd.reshape(*own, num, -1), ((0, 0), (0, 0), (0, widest - num), (0, 0))))
         at = rows.stop
     W = data.whitener.T
-    return jnp.concatenate(columns) @ W, jnp.concatenate(slopes) @ W, jnp.concatenate(bends) @ W
+    return jnp.concatenate(columns, axis=1) @ W, jnp.concatenate(slopes, axis=1) @ W, jnp.concatenate(bends, axis=1) @ W
 
 
 def columns_and_slopes(
@@ -225,71 +232,86 @@ def _unit(kind: type[AbstractProcess], tau: Array) -> Any:
     return column
 
 
-def _with_slopes(kind: type[AbstractProcess], tau: Array, *, reflects: bool) -> Any:
-    """A function of the coordinates of a component: its column, the slopes, and their differences."""
-    directions = np.eye(kind.num_coordinates)
+def _units(kind: type[AbstractProcess], tau: Array) -> Any:
+    """The same of a batch of coordinates, as one batch: a map in a map is traced twice."""
 
-    def both(z: Float[Array, " D"], bounds: Float[Array, "D 2"]) -> tuple[Array, Array, Array]:
-        def along(at: Array, direction: Array) -> tuple[Array, Array]:
-            return jax.jvp(lambda v: _unit(kind, tau)(fold(v, bounds) if reflects else v), (at,), (direction,))
+    def columns(z: Float[Array, "*B D"]) -> Float[Array, "*B J"]:
+        return jax.vmap(_unit(kind, tau))(z.reshape(-1, z.shape[-1])).reshape(*z.shape[:-1], -1)
 
-        points = z[None] + _STEP * np.concatenate([np.zeros((1, len(directions))), directions])
-        values, slopes = jax.vmap(lambda at: jax.vmap(lambda d: along(at, d))(jnp.asarray(directions)))(points)
-        return values[0, 0], slopes[0], (slopes[1:] - slopes[:1]) / _STEP
-
-    return both
+    return columns
 
 
-def design(layout: Layout, shape_columns: Float[Array, "K J"] | None, data: Data) -> Float[Array, "J P"]:
-    """Whitened columns of all components."""
+def _with_slopes(
+    kind: type[AbstractProcess], tau: Array, z: Float[Array, "S N D"], bounds: Float[Array, "N D 2"] | None
+) -> tuple[Float[Array, "S N J"], Float[Array, "S N D J"], Float[Array, "S N D D J"]]:
+    """The columns of N components of a kind, the slopes along each coordinate, and the differences of these.
+
+    Coordinates are reflected at bounds, if there are any.
+    """
+    num = z.shape[-1]
+    # at each point and, for the differences, beside it, along all directions
+    moves = _STEP * np.concatenate([np.zeros((1, num)), np.eye(num)])
+    points = jnp.broadcast_to(z[:, :, None, None] + moves[None, None, :, None], (*z.shape[:2], num + 1, num, num))
+    directions = jnp.broadcast_to(np.eye(num)[None, None, None], points.shape)
+    ends = None if bounds is None else bounds[None, :, None, None]
+    values, slopes = jax.jvp(
+        lambda v: _units(kind, tau)(v if ends is None else fold(v, ends)), (points,), (directions,)
+    )
+    return values[:, :, 0, 0], slopes[:, :, 0], (slopes[:, :, 1:] - slopes[:, :, :1]) / _STEP
+
+
+def design(layout: Layout, shape_columns: Float[Array, "S K J"] | None, data: Data) -> Float[Array, "S J P"]:
+    """Whitened columns of all components, of one point where no shape is free."""
     rest = [
         kind.unit_wavelet_variance(shape, data.tau)
         for kind, shape in zip(layout.kinds[layout.num_shapes :], data.shapes, strict=True)
     ]
     rows = [] if shape_columns is None else [shape_columns]
     if rest:
-        rows.append(jnp.stack(rest) @ data.whitener.T)
-    return jnp.concatenate(rows).T
+        others = (jnp.stack(rest) @ data.whitener.T)[None]
+        rows.append(others if shape_columns is None else jnp.repeat(others, len(shape_columns), axis=0))
+    return jnp.concatenate(rows, axis=1).mT
 
 
 class Projection(NamedTuple):
     """The inner problem at given shapes."""
 
-    residual: Float[Array, " J"]
-    amplitudes: Float[Array, " P"]
-    B: Float[Array, "J F"]
+    residual: Float[Array, "S J"]
+    amplitudes: Float[Array, "S P"]
+    B: Float[Array, "S J F"]
     """Columns of the free amplitudes, of unit length."""
-    G: Float[Array, "F F"]
-    passive: Bool[Array, " F"]
+    G: Float[Array, "S F F"]
+    passive: Bool[Array, "S F"]
 
 
 def project(
-    layout: Layout, design: Float[Array, "J P"], data: Data, guess: Bool[Array, " F"] | None = None
+    layout: Layout, design: Float[Array, "S J P"], data: Data, guess: Bool[Array, "S F"] | None = None
 ) -> Projection:
     """Solve for the free amplitudes; the guess is which of them are not zero, by default all."""
-    free = layout.free
+    free, num = layout.free, len(design)
     held = np.setdiff1d(np.arange(len(layout.kinds)), free)
-    y = data.y
+    y = jnp.broadcast_to(data.y[None], (num, *data.y.shape))
     if len(held):
-        y = y - design[:, held] @ data.amplitudes[held]
+        y = y - design[:, :, held] @ data.amplitudes[held]
+    given = jnp.broadcast_to(jnp.asarray(data.amplitudes)[None], (num, len(layout.kinds)))
+    everything = jnp.ones((num, len(free)), dtype=bool)
     if not len(free):
-        empty = jnp.zeros((0, 0))
-        return Projection(y, data.amplitudes, design[:, :0], empty, jnp.zeros(0, dtype=bool))
-    columns = design[:, free]
-    length = jnp.sqrt(jnp.sum(columns * columns, axis=0))
+        return Projection(y, given, design[:, :, :0], jnp.zeros((num, 0, 0)), everything)
+    columns = _some(design, free)
+    length = jnp.sqrt(jnp.sum(columns * columns, axis=1))
     if data.wanted is not None:  # a column of zeros gets no amplitude
-        columns = jnp.where(data.wanted[free], columns, 0.0)
-    B = columns / length[None, :]
-    G, b = B.T @ B, B.T @ y
-    everything = jnp.ones(len(free), dtype=bool)
-    size, guess = jnp.sqrt(jnp.sum(y * y)), everything if guess is None else guess
+        columns = jnp.where(data.wanted[free][None, None], columns, 0.0)
+    B = columns / length[:, None, :]
+    G, b = B.mT @ B, (B.mT @ y[:, :, None])[:, :, 0]
+    size, guess = jnp.sqrt(jnp.sum(y * y, axis=1)), everything if guess is None else guess
     if data.limits is None:
         x, passive = solve_nonnegative(G, b, size, guess)
-        amplitudes = data.amplitudes.at[free].set(x / length)
+        found = x / length
     else:
-        low, high = data.limits[free].T
+        low, high = (data.limits[None, free, end] for end in (0, 1))
         x, passive = solve_between(G, b, size, guess, low * length, high * length)
         # those at an end are there to the last bit
         at_end = jnp.where(x >= high * length, high, low)
-        amplitudes = data.amplitudes.at[free].set(jnp.where(passive, jnp.clip(x / length, low, high), at_end))
-    return Projection(y - B @ x, amplitudes, B, G, passive)
+        found = jnp.where(passive, jnp.clip(x / length, low, high), at_end)
+    amplitudes = given.at[:, free].set(found) if len(held) else found
+    return Projection(y - (B @ x[:, :, None])[:, :, 0], amplitudes, B, G, passive)

@@ -95,9 +95,6 @@ def minimise(layout: Layout, lattice: Float[Array, "S C"], nodes: Float[Array, "
     if layout.num_shapes == 0:
         return _linear(layout, data)
 
-    def value(u: Array) -> Array:
-        return objective(layout, u, data)
-
     def exchanged(u: Array) -> Array:
         """All placements that differ from u in one component, as many as the lattice has."""
         rows = []
@@ -109,7 +106,7 @@ def minimise(layout: Layout, lattice: Float[Array, "S C"], nodes: Float[Array, "
 
     def starts(best: Solution, turn: Array) -> Array:
         candidates = jnp.where(turn == 0, lattice, exchanged(best.coordinates))
-        return _best_apart(layout, candidates, jax.vmap(value)(candidates))
+        return _best_apart(layout, candidates, objective(layout, candidates, data))
 
     def search(best: Solution, turn: Array) -> tuple[Solution, None]:
         # which turn it is depends on no data, so that only one side is computed, under vmap as well
@@ -155,36 +152,33 @@ def _linear(layout: Layout, data: Data) -> Solution:
     """The minimum where no shape is free."""
     inner = project(layout, design(layout, None, data), data)
     lowest = jnp.sum(inner.residual * inner.residual)
-    return Solution(jnp.zeros(0), inner.amplitudes, lowest, jnp.zeros(()), jnp.asarray(1))
+    return Solution(jnp.zeros(0), inner.amplitudes[0], lowest, jnp.zeros(()), jnp.asarray(1))
 
 
 def _ends(layout: Layout, starts: Float[Array, "S C"], data: Data, max_steps: Int[Array, ""]) -> Solution:
     """Where descents end."""
-
-    def end(start: Array) -> Solution:
-        u, end = descend(layout, start, data, max_steps)
-        lowest = jnp.where(jnp.isfinite(end.half), 2 * end.half, jnp.inf)
-        slope = 2 * jnp.max(jnp.abs(end.gradient))
-        return Solution(_inside(layout, u, data), end.amplitudes, lowest, slope, jnp.asarray(1))
-
-    return jax.vmap(end)(starts)
+    u, ends = descend(layout, starts, data, max_steps)
+    lowest = jnp.where(jnp.isfinite(ends.half), 2 * ends.half, jnp.inf)
+    slope = 2 * jnp.max(jnp.abs(ends.gradient), axis=-1)
+    return Solution(_inside(layout, u, data), ends.amplitudes, lowest, slope, jnp.ones(len(starts), dtype=int))
 
 
-def _inside(layout: Layout, u: Float[Array, " C"], data: Data) -> Float[Array, " C"]:
+def _inside(layout: Layout, u: Float[Array, "S C"], data: Data) -> Float[Array, "S C"]:
     """Coordinates within their ends; those that have come to one are there to the last bit."""
     if not layout.bounded:
-        return fold(u, data.bounds)
-    low, high = data.bounds.T
+        return fold(u, data.bounds[None])
+    low, high = data.bounds[None, :, 0], data.bounds[None, :, 1]
     return jnp.where(u <= low + TOUCHES, low, jnp.where(u >= high - TOUCHES, high, u))
 
 
 def _lowest(ends: Solution) -> Solution:
-    return jax.tree.map(lambda leaf: leaf[jnp.argmin(jax.vmap(_score)(ends))], ends)
+    at = jnp.argmin(_score(ends))
+    return jax.tree.map(lambda leaf: leaf[at], ends)
 
 
-def _score(end: Solution) -> Float[Array, ""]:
+def _score(end: Solution) -> Float[Array, "*S"]:
     """The objective; of equal ones, that with fewer components wins: a GM at a limit could share with WN or RW."""
-    return end.objective * (1 + 1e-11 * jnp.sum(jnp.where(end.amplitudes > 0, 1.0, 0.0)))
+    return end.objective * (1 + 1e-11 * jnp.sum(jnp.where(end.amplitudes > 0, 1.0, 0.0), axis=-1))
 
 
 def _best_apart(layout: Layout, candidates: Float[Array, "S C"], objectives: Float[Array, " S"]) -> Float[Array, "D C"]:

@@ -166,9 +166,9 @@ def test_the_linear_problem_is_scipys(columns):
     guess = rng.random((COUNT, columns)) < 0.5
 
     @jax.jit
-    @jax.vmap
     def solve(B, y, guess, low, high):
-        return solve_between(B.T @ B, B.T @ y, jnp.linalg.norm(y), guess, low, high)
+        b = jnp.einsum("crp,cr->cp", B, y)
+        return solve_between(B.mT @ B, b, jnp.linalg.norm(y, axis=1), guess, low, high)
 
     x, passive = map(np.asarray, solve(B, y, guess, low, high))
     for i in range(COUNT):

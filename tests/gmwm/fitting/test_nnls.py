@@ -69,19 +69,24 @@ KINDS = {
 }
 
 
-def solve(B, y, guess=None):
-    """x >= 0 that minimises |y - B x|^2, by columns of unit length as the estimator has them."""
-    guess = jnp.ones(B.shape[1], dtype=bool) if guess is None else guess
-    length = jnp.linalg.norm(B, axis=0)
+@jax.jit
+def many(B, y, guess=None):
+    """x >= 0 that minimise |y - B x|^2, by columns of unit length as the estimator has them."""
+    guess = jnp.ones((len(B), B.shape[2]), dtype=bool) if guess is None else guess
+    length = jnp.linalg.norm(B, axis=1)
     length = jnp.where(length > 0, length, 1.0)
-    U = B / length[None, :]
-    G, b = U.T @ U, U.T @ y
-    x, passive = solve_nonnegative(G, b, jnp.linalg.norm(y), guess)
+    U = B / length[:, None, :]
+    G, b = U.mT @ U, jnp.einsum("crp,cr->cp", U, y)
+    x, passive = solve_nonnegative(G, b, jnp.linalg.norm(y, axis=1), guess)
     return x / length, passive
 
 
-one, many = jax.jit(solve), jax.jit(jax.vmap(solve))
-passive_solution = jax.jit(solve_passive)
+def one(B, y):
+    x, passive = many(B[None], y[None])
+    return x[0], passive[0]
+
+
+passive_solution = jax.jit(lambda G, b, passive: solve_passive(G[None], b[None], passive[None])[0])
 
 
 @pytest.mark.parametrize("columns", [1, 2, 4, 7])
@@ -120,7 +125,7 @@ def test_any_guess_leads_to_the_solution(share):
     np.testing.assert_allclose(many(B, y, guess)[0], expected, rtol=1e-9, atol=1e-12)
 
 
-def test_results_do_not_depend_on_vmap():
+def test_results_do_not_depend_on_the_others_of_a_batch():
     B, y = powers(np.random.default_rng(5), 5)
     together = np.asarray(many(jnp.asarray(B), jnp.asarray(y))[0])
     for i in range(20):
@@ -155,7 +160,7 @@ def test_derivative_of_the_coefficients():
 
     @jax.jit
     def coefficients(B):
-        return solve_passive(B.T @ B, B.T @ y, passive)
+        return solve_passive((B.T @ B)[None], (B.T @ y)[None], passive[None])[0]
 
     B = B / np.linalg.norm(B, axis=0)
     direction = rng.normal(size=B.shape)
