@@ -92,6 +92,12 @@ outages = [[160000, 160030]] # these fixes are kept from the filter, and compare
 type = "gnss_velocity"
 file = "drive.pos"
 
+[[aiding]]
+type = "non_holonomic" # of wheels, by the samples of the IMU; and zero_velocity, zero_rate where it stands
+rate = "10 Hz"
+right = "3 cm/s" # and down, more in turns (slip = 0.5) and over bumps (bumps = 1.0)
+down = "5 cm/s"
+
 [initial]
 position_sd = "0.1 m"
 velocity_sd = "0.1 m/s"

@@ -1,7 +1,8 @@
 """Recorded navigation data and models written as a TOML file: what ``nav-jax navigate`` and ``nav-jax tune`` read.
 
 Sections: ``[record]`` (the IMU, its mounting, and where the record starts), ``[filters.NAME]`` (models, as in a
-comparison), ``[[aiding]]`` (sensors with the file of their fixes), ``[initial]`` (how well the start is known),
+comparison), ``[[aiding]]`` (sensors with the file of their fixes, or what needs none: ``non_holonomic``,
+``zero_velocity``, ``zero_rate``, by the samples of the IMU), ``[initial]`` (how well the start is known),
 ``[align]`` (how it is found, where [initial] has ``align = true``), ``[reference]`` (a trajectory to be compared with),
 ``[run]``, ``[output]``. Files that they name are looked for beside the configuration.
 """
@@ -23,6 +24,7 @@ from nav_jax.aiding.base import AbstractAiding
 from nav_jax.aiding.fixes import Fixes
 from nav_jax.aiding.gnss import AbstractReceiver, Gnss, GnssPosition
 from nav_jax.app.comparison_file import aiding_sections, check_sections, checked, filter_sections, from_toml, place
+from nav_jax.app.made_fixes import MadeSection, made_section
 from nav_jax.app.record_start import Begun, Stated, averaged_by, begun, gravity_at
 from nav_jax.app.sections import (
     AIDING,
@@ -275,6 +277,8 @@ def _record_of(fixes: Fixes, origin: Sequence[float] | None) -> GnssRecord | Non
 
 def _fixes_section(kind: str, section: type[Aiding]) -> Any:
     """The section of a sensor with the file of its fixes; the noise of a receiver may stand in its file."""
+    if (made := made_section(kind, section.sensor)) is not None:
+        return made
     stated: dict[str, Any] = {
         name: (Annotated[field.annotation, *field.metadata], None)
         for name, field in section.model_fields.items()
@@ -487,7 +491,7 @@ def _build(tables: Mapping[str, Any], folder: Path) -> RecordConfig:
         sure = _sure(start, asked)
     with place("[align]" if start.align else "[record]"):
         begin = begun(record.stated, sure, imu, read.records, read.fixes, earth)
-    fixes, notes = _within(read, begin)
+    fixes, notes = _within(read, begin, first)
     reference = None
     if compared is not None:
         with place("[reference]"):
@@ -511,11 +515,14 @@ def _sure(start: RecordInitialSection, asked: AlignSection | None) -> InitialUnc
 class _Fixes:
     """What the sections of aiding read, on the clock of the IMU."""
 
-    def __init__(self, record: RecordSection, listed: Sequence[FixesSection], folder: Path):
+    def __init__(self, record: RecordSection, listed: Sequence[FixesSection | MadeSection], folder: Path):
+        self.listed = listed
         self.origin = None if record.origin is None else np.array(record.origin)
         self.fixes: list[Fixes] = []
         self.records: list[GnssRecord | None] = []
         for i, section in enumerate(listed):
+            if isinstance(section, MadeSection):
+                continue
             with place(f"[[aiding]] {i + 1}"):
                 fixes, gnss = section.read(folder, None if self.origin is None else tuple(self.origin))
                 if self.origin is None and gnss is not None:
@@ -525,11 +532,17 @@ class _Fixes:
                 self.records.append(None if gnss is None else gnss.shifted(offset))
 
 
-def _within(read: _Fixes, begin: Begun) -> tuple[list[Fixes], tuple[str, ...]]:
-    """The fixes while the IMU is there, and how many are left out."""
+def _within(read: _Fixes, begin: Begun, gnss: GnssRecord | None) -> tuple[list[Fixes], tuple[str, ...]]:
+    """The fixes while the IMU is there, with those that are made of its samples, and how many are left out."""
     kept, notes = [], []
     first, last = begin.imu.epochs[0], begin.imu.epochs[-1]
-    for i, fixes in enumerate(read.fixes):
+    of_files = iter(read.fixes)
+    for i, section in enumerate(read.listed):
+        if isinstance(section, MadeSection):
+            with place(f"[[aiding]] {i + 1}"):
+                kept.append(section.fixes(begin.imu, gnss))
+            continue
+        fixes = next(of_files)
         inside = (fixes.time >= first) & (fixes.time <= last)
         if begin.used_until is not None and isinstance(fixes.sensor, AbstractReceiver):
             inside &= fixes.time > begin.used_until + 1e-6 / begin.imu.rate

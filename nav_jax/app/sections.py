@@ -97,6 +97,7 @@ Length = Annotated[float, _in("m")]
 Speed = Annotated[float, _in("m/s")]
 Angle = Annotated[float, _in("rad")]
 Acceleration = Annotated[float, _in("m/s^2")]
+TurnRate = Annotated[float, _in("rad/s")]
 PerAxis = float | list[float]
 Model = str | dict[Literal["x", "y", "z"], str]
 Texts = dict[str, str]
@@ -406,7 +407,7 @@ class AlignSection(Section):
     velocity_sd: Annotated[PerAxis, _axes_in("m/s")] | None = None
     position_sd: Annotated[PerAxis, _axes_in("m")] | None = None
     accel_bias_sd: Acceleration | None = None
-    gyro_bias_sd: Annotated[float, _in("rad/s")] | None = None
+    gyro_bias_sd: TurnRate | None = None
     accel_noise: Annotated[float, _in("m/s^2/sqrt(Hz)")] | None = None
     gyro_noise: Annotated[float, _in("rad/s/sqrt(Hz)")] | None = None
     averaged: Time | None = None

@@ -144,7 +144,7 @@ def standing(sensor: AbstractStandstill, intervals: Sequence[tuple[float, float]
     Raises
     ------
     ValueError
-        No stop lasts a period.
+        There is no stop, or none lasts a period.
 
     Examples
     --------
@@ -155,6 +155,8 @@ def standing(sensor: AbstractStandstill, intervals: Sequence[tuple[float, float]
     period = 1 / sensor.rate
     times = [a + period * np.arange(1, int((b - a) / period + 1e-9) + 1) for a, b in intervals]
     time = np.concatenate([np.zeros(0), *times])
+    if not len(intervals):
+        raise ValueError(f"There is no stop for {sensor.name}: leave it out.")
     if not len(time):
         raise ValueError(f"No stop of {len(intervals)} lasts the {period:g} s of a period of {sensor.name}.")
     return Fixes(sensor, time, np.zeros((len(time), len(sensor.axes))))

@@ -264,3 +264,38 @@ earth = "wgs84"
     assert [f.sensor.name for f in known.aiding] == ["gnss_position", "odometer", "gnss_velocity", "barometer"]
     np.testing.assert_array_equal(known.aiding[0].value, np.zeros((4, 3)))
     np.testing.assert_array_equal(known.aiding[3].value, np.full((4, 1), -400.0))
+
+
+def test_what_nothing_measures_is_told_by_the_samples(tmp_path):
+    *_, config = write_drive(tmp_path)
+    more = """
+[[aiding]]
+type = "zero_velocity"
+rate = "5 Hz"
+sd = "2 cm/s"
+accel_sd = 0.1
+gyro_sd = "0.5 deg/s"
+window = "0.4 s"
+[[aiding]]
+type = "non_holonomic"
+rate = "10 Hz"
+right = "3 cm/s"
+down = "5 cm/s"
+slip = 0.0
+bumps = 0.0
+"""
+    before, fixes = config.read_text().split("[[aiding]]")
+    config.write_text(before + more + "[[aiding]]" + fixes)
+    still, wheels, gnss = read_record(config).aiding
+    np.testing.assert_allclose(still.time, 0.2 * np.arange(1, 21), rtol=0, atol=1e-9)
+    assert wheels.sensor.axes == ("right", "down")
+    np.testing.assert_allclose(np.sqrt(wheels.covariance[:, [0, 1], [0, 1]]), [[0.03, 0.05]] * 40)
+    assert gnss.sensor.name == "gnss_position"
+    call("inspect", config)
+    for old, new, said in (
+        ('gyro_sd = "0.5 deg/s"', "", "Give fixes with velocities, or the standard deviations at rest"),
+        ("slip = 0.0", "slip = -1.0", "slip must be"),
+        ("slip = 0.0", 'file = "odo.csv"', "there is no key 'file'"),
+    ):
+        config.write_text((before + more + "[[aiding]]" + fixes).replace(old, new, 1))
+        assert said in call("navigate", config, code=2).stderr

@@ -65,6 +65,8 @@ def test_what_is_wrong_is_said():
         stops(imu, fixes, window=0.02)
     with pytest.raises(ValueError, match="No stop of 1 lasts the 1 s of a period of zero_velocity"):
         standing(nj.aiding.ZeroVelocity(1.0, sd=0.02), [(3.0, 3.4)])
+    with pytest.raises(ValueError, match="There is no stop for zero_velocity: leave it out"):
+        standing(nj.aiding.ZeroVelocity(1.0, sd=0.02), [])
 
 
 def test_their_fixes_are_zeros_inside():
