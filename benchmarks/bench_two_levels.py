@@ -1,10 +1,10 @@
 """Two levels on the examples of the project: which way they go, what they cost, and whether they are right.
 
 Each example is a process of its own: two levels as sure as 2,000 runs with gains of their own, and 1,000 such runs with
-other keys; times are those of later calls, of all runs extrapolated. Sigmas apart: of both means at the judged epoch,
-the largest of position, attitude and NEES of all filters. Share of the variance: of the differences, over that of the
-runs, of the worst position or NEES. Cover: of 95 % intervals over 40 keys, about the mean of all of them, where that
-takes seconds.
+other keys; times are processor time of later calls, of all runs extrapolated. Sigmas apart: of both means at the judged
+epoch, the largest of position, attitude and NEES of all filters. Share of the variance: of the differences, over that
+of the runs, of the worst position or NEES. Cover: of 95 % intervals over 40 keys, about the mean of all of them, where
+that takes seconds.
 """
 
 import json

@@ -125,7 +125,7 @@ def two_level_report(found: TwoLevel) -> Report:
         "num_common": found.num_common,
         "models": {
             name: {of: {key: float(v[k]) for key, v in found.mean(name, of)._asdict().items()} for of in STATISTICS}
-            for name in (found.shared if enough else ())
+            for name in (found.with_means if enough else ())
         },
     }
     return Report(COMPARISON, repr(found), content, {"two_levels.png": found.plot} if enough else {})

@@ -32,8 +32,8 @@ def two_level_data(found: TwoLevel, *, level: float = 0.95) -> tuple[Frame, Fram
     corrections: list[Item] = []
     less = f"own gains - {found.cheap}{'' if found.known else ' gains'}"
     outages = sorted({i for r in found.shared.runs.values() for i in r.outage_intervals})
-    for name, runs in found.shared.runs.items():
-        of, t = found.mean(name), runs.time
+    for name in found.with_means:
+        of, t = found.mean(name), found.shared[name].time
         for items, value, se in ((means, of.value, of.se), (corrections, of.correction, of.correction_se)):
             half = found.half_width(se, level)
             items += [Band("", t, value - half, value + half), Line(name, t, value)]

@@ -14,6 +14,7 @@ from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.text_table import number as written
+from nav_jax.filter.layout import JUDGED
 from nav_jax.simulation.comparison import Comparison
 from nav_jax.simulation.linear import KnownMeans
 from nav_jax.simulation.ranking import common_runs
@@ -36,7 +37,7 @@ _APART = 5.0
 
 
 def _length(block: str) -> Callable[[Runs], Float64[np.ndarray, "R E"]]:
-    return lambda runs: np.linalg.norm(runs.errors(block), axis=2)
+    return lambda runs: np.linalg.norm(runs.error[:, :, JUDGED[block]], axis=2)
 
 
 STATISTICS: Mapping[str, Callable[[Runs], Float64[np.ndarray, "R E"]]] = {
@@ -45,7 +46,9 @@ STATISTICS: Mapping[str, Callable[[Runs], Float64[np.ndarray, "R E"]]] = {
     "attitude": _length("attitude"),
     "nees": lambda runs: runs.nees["pose"] / runs.dof["pose"],
 }
-"""What is averaged over runs: lengths of errors in SI, and the NEES of the pose over its degrees of freedom."""
+"""What is averaged over runs: lengths of errors in SI, and the NEES of the pose over its degrees of freedom.
+
+They are NaN in runs that failed."""
 
 
 @saved(added=("known",))
@@ -90,6 +93,11 @@ class TwoLevel(Drawable, Saved):
         return len(self._rows()[1])
 
     @property
+    def with_means(self) -> tuple[str, ...]:
+        """Filters with two good runs of either kind; others are left out, and keep no run from these."""
+        return tuple(n for n in self.own if min(self.shared[n].num_good, self.own[n].num_good) >= 2)
+
+    @property
     def cheap(self) -> str:
         """What the runs of the cheap level are: ``linear``, or ``shared`` by their gains."""
         return "linear" if self.known else "shared"
@@ -107,7 +115,7 @@ class TwoLevel(Drawable, Saved):
         Raises
         ------
         ValueError
-            Fewer than two common runs, or no such statistic.
+            Fewer than two common runs, a filter that has not two good runs, or no such statistic.
         """
         cheap, of_the_same, own = self._values(model, statistic)
         if self.known:
@@ -153,6 +161,8 @@ class TwoLevel(Drawable, Saved):
     def _values(self, model: str, statistic: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if statistic not in STATISTICS:
             raise ValueError(f"{statistic!r} is none of {', '.join(STATISTICS)}.")
+        if model in self.own and model not in self.with_means:
+            raise ValueError(f"{model} has no mean: its runs with gains of their own: {self.own[model].counts()}.")
         of = STATISTICS[statistic]
         many, few = self._rows()
         cheap = of(self.shared[model])
@@ -166,10 +176,13 @@ class TwoLevel(Drawable, Saved):
         else:
             counts = f"{self.num_runs} runs on shared gains, {own} of them with their own too"
         lines = [f"Two levels along {along}: {counts}"]
-        if not self.known and own == self.num_runs:
+        failed = [f"{name}: {r.counts()}" for name, r in self.own.runs.items() if r.num_failed]
+        if not self.known and own == self.num_runs and not failed:
             lines.append("All runs have gains of their own: on shared ones they err too differently to stand for them.")
-        if self.num_common < own:
-            lines.append(f"In {own - self.num_common} of the runs with gains of their own a filter failed: left out.")
+        if failed:
+            lines.append(
+                f"Of runs with gains of their own only those count in which no filter failed. {'; '.join(failed)}"
+            )
         if self.num_common < 2:
             return "\n".join([*lines, "No means: it takes 2 or more runs in which no model failed."])
         if self.known and (ratio := self._ratio()):
@@ -177,6 +190,9 @@ class TwoLevel(Drawable, Saved):
         rows = []
         for model in self.own:
             cells = [model]
+            if model not in self.with_means:
+                rows.append([model, *"----"])
+                continue
             for statistic, digits in (("position", 4), ("nees", 3)):
                 found = self.mean(model, statistic)
                 cells.append(f"{written(found.value[k], digits)} ± {written(self.half_width(found.se[k]), 2)}")
@@ -191,7 +207,7 @@ class TwoLevel(Drawable, Saved):
     def _ratio(self) -> float:
         """Variance of the differences over that of the runs with gains of their own, of the worst that is judged."""
         k = self.own.epoch()
-        ratios = [self.mean(model, of).ratio[k] for model in self.own for of in _JUDGED]
+        ratios = [self.mean(model, of).ratio[k] for model in self.with_means for of in _JUDGED]
         return float(np.nanmax(ratios, initial=0.0))
 
     def _holds(self) -> bool:
@@ -245,7 +261,9 @@ def _num_runs(of: Comparison) -> int:
 
 def _all_good(pilot: TwoLevel) -> bool:
     """Whether there are means, and of all runs: those that fail are others, of which the cheap level knows nothing."""
-    return 2 <= pilot.num_common == pilot.num_own
+    return pilot.num_common >= 2 and not any(
+        r.num_failed for r in (*pilot.own.runs.values(), *pilot.shared.runs.values())
+    )
 
 
 def _num_controlled(pilot: TwoLevel, num_runs: int) -> int:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import nav_jax as nj
+from nav_jax.app.reports import two_level_report
 from nav_jax.simulation import levels
 
 RATE = 20.0
@@ -144,6 +145,28 @@ def test_where_shared_gains_do_not_stand_for_own_ones_all_runs_have_their_own():
     assert "All runs have gains of their own" in repr(found)
     own = np.linalg.norm(found.own["filter"].errors("position"), axis=2)
     np.testing.assert_allclose(found.mean("filter").value, own.mean(axis=0), rtol=1e-9)
+
+
+def test_a_filter_without_good_runs_is_left_out(found):
+    """And a run that failed is not counted under another number."""
+    own = found.own["right"]
+    failed = np.arange(len(own)) < 3
+    error = np.where(failed[:, None, None], np.nan, own.error)
+    some = dataclasses.replace(own, status=failed.astype(np.int64), error=error)
+    none = dataclasses.replace(found.own["calm"], status=np.ones(len(own), dtype=np.int64))
+    partly = dataclasses.replace(found, own=dataclasses.replace(found.own, runs={"right": some, "calm": none}))
+    assert partly.with_means == ("right",)
+    assert partly.num_common == found.num_own - 3
+    lengths = [np.linalg.norm(c["right"].errors("position"), axis=2) for c in (found.shared, found.own)]
+    differences = lengths[1][3:] - lengths[0][3 : found.num_own]
+    np.testing.assert_allclose(partly.mean("right").correction, differences.mean(axis=0), rtol=1e-9, atol=1e-15)
+    with pytest.raises(ValueError, match="calm has no mean"):
+        partly.mean("calm")
+    text = repr(partly)
+    assert "only those count in which no filter failed" in text
+    assert "right: " in text
+    assert len(partly.plot().axes) == 2
+    assert list(two_level_report(partly).content["models"]) == ["right"]
 
 
 def test_every_statistic_is_one_number_a_run_and_epoch(found):
