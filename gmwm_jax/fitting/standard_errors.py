@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
+from jax import Array
 from jaxtyping import Bool, Float
 
 from gmwm_jax._internal.host import compiled_quickly, known, namespace
 from gmwm_jax._internal.xla_threads import few_at_a_time
+from gmwm_jax.fitting._batch import while_each
 from gmwm_jax.processes.base import Composite
 
 _RANK_TOLERANCE = 1e-8
@@ -251,28 +252,42 @@ def conditional_fits(
         As of `parameter_covariance`.
     """
 
-    def variance(eta: Array) -> Array:
-        return model.with_unconstrained(eta).wavelet_variance(tau)
-
     def moved(eta: Array) -> Array:
         return quantity(model.with_unconstrained(eta))
 
+    @jax.jit  # traced once for the steps and for their end
+    def linear(etas: Array) -> tuple[Array, Array]:
+        """The wavelet variances and their derivatives."""
+        return _values_and_jacobians(lambda eta: model.with_unconstrained(eta).wavelet_variance(tau), etas)
+
+    def estimators(A: Array) -> tuple[Array, Array]:
+        return jax.vmap(lambda own: _estimator(own, whitener))(A)
+
     def step(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        eta, _, count = state
-        A = jnp.where(free[None, :], jax.jacfwd(variance)(eta), 0.0)
-        move = _estimator(A, whitener)[0] @ (target - variance(eta))
+        etas, _, count = state
+        fitted, A = linear(etas)
+        B, _ = estimators(jnp.where(free[None, None], A, 0.0))
+        move = (B @ (target[None] - fitted)[:, :, None])[:, :, 0]
         move = jnp.clip(jnp.where(jnp.isfinite(move), move, 0.0), -_LONGEST_STEP, _LONGEST_STEP)
-        return eta + move, jnp.max(jnp.abs(move)), count + 1
+        return etas + move, jnp.max(jnp.abs(move), axis=1), count + 1
 
     def moves(state: tuple[Array, Array, Array]) -> Array:
         return (state[1] > _SETTLED) & (state[2] < _NUM_STEPS)
 
-    def at(place: Array) -> ConditionalFits:
-        eta, *_ = lax.while_loop(moves, step, (place, jnp.asarray(jnp.inf), jnp.asarray(0)))
-        A = jax.jacfwd(variance)(eta)
-        # as one batch of decompositions: of two, each may hold a thread of XLA's and wait for one (`few_at_a_time`)
-        both = jnp.stack([free, free | tested])
-        B, unseen = jax.vmap(lambda taken: _estimator(jnp.where(taken[None, :], A, 0.0), whitener))(both)
-        return ConditionalFits(moved(eta), jax.jacfwd(moved)(eta), variance(eta), B[0], B[1], unseen[1])
+    num = len(places)
+    etas, *_ = while_each(moves, step, (places, jnp.full(num, jnp.inf), jnp.zeros(num, dtype=int)))
+    fitted, A = linear(etas)
+    # as one batch of decompositions: of two, each may hold a thread of XLA's and wait for one (`few_at_a_time`)
+    B, unseen = estimators(jnp.concatenate([jnp.where(taken[None, None], A, 0.0) for taken in (free, free | tested)]))
+    return ConditionalFits(*_values_and_jacobians(moved, etas), fitted, B[:num], B[num:], unseen[num:])
 
-    return jax.vmap(at)(places)
+
+def _values_and_jacobians(f: Callable[[Array], Array], at: Float[Array, "N P"]) -> tuple[Array, Array]:
+    """A function and its derivatives, traced once for both."""
+
+    def twice(x: Array) -> tuple[Array, Array]:
+        value = f(x)
+        return value, value
+
+    slopes, values = jax.vmap(jax.jacfwd(twice, has_aux=True))(at)
+    return values, slopes

@@ -216,12 +216,11 @@ def _haar_covariance(f0: Any, lag: Points, parity: Points, n_j: Points, n_k: Poi
 
 def _by_differences(f0: Any, lag: Points, parity: Points, n_j: Points, n_k: Points) -> Any:
     """From K, all nine of them at once."""
-    lags, _, weights = zip(*nine_terms(lag, parity, n_j, n_k), strict=True)
-    m = jnp.stack(lags)
+    m, _, weights = nine_terms(lag, parity, n_j, n_k)
     X = 2 * jnp.pi * f0 * jnp.where(m > 0, m, 1.0)
     half = jnp.sin(X / 2) / X
     K = m * m * (jnp.log(jnp.where(m > 0, m, 1.0)) - cosine_integral(X) + jnp.sin(X) / X + 2 * half * half) / 2
-    return jnp.tensordot(jnp.asarray(weights), K, 1) / (4 * jnp.pi * n_j * n_k)
+    return jnp.tensordot(weights, K, 1) / (4 * jnp.pi * n_j * n_k)
 
 
 def _by_quadrature(f0: Points, c: Points, n_j: Points, n_k: Points) -> Any:

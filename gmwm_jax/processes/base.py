@@ -427,9 +427,9 @@ class Composite(eqx.Module):
 
 
 @partial(jax.jit, static_argnums=0)
-def scaled(unit: Callable[..., Array], amplitude: Array, shape: tuple[Array, ...], at: Array) -> Array:
-    """Theory for unit amplitude, times the amplitude; compiled as a whole, once a class of process and length."""
-    return amplitude * unit(shape, at)
+def scaled(unit: Callable[..., Array], amplitude: Array, shape: tuple[Array, ...], *at: Array) -> Array:
+    """Theory for unit amplitude, times the amplitude; traced and compiled once a class of process and length."""
+    return amplitude * unit(shape, *at)
 
 
 def sum_arrays(arrays: Any) -> Array:

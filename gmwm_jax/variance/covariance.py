@@ -30,7 +30,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gmwm_jax._internal.checks import integer, require_x64
-from gmwm_jax.processes.base import AbstractProcess, Composite
+from gmwm_jax.processes.base import AbstractProcess, Composite, scaled
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.variance.haar import check_num_levels, num_coefficients, scales
 from gmwm_jax.variance.robust import biweight
@@ -200,7 +200,7 @@ def _covariance_of_pairs(
     gamma = jnp.zeros_like(q.lag)
     mu_j, mu_k = jnp.zeros_like(q.lag), jnp.zeros_like(q.lag)
     for p in model.processes:
-        gamma = gamma + p.amplitude * p.unit_haar_covariance(p.shape, q.lag, q.parity, q.n_j, q.n_k)
+        gamma = gamma + scaled(p.unit_haar_covariance, p.amplitude, p.shape, q.lag, q.parity, q.n_j, q.n_k)
         mu_j = mu_j + jnp.sqrt(p.amplitude) * p.unit_haar_mean(q.n_j)
         mu_k = mu_k + jnp.sqrt(p.amplitude) * p.unit_haar_mean(q.n_k)
     num_pairs = J * (J + 1) // 2

@@ -64,8 +64,7 @@ def haar_covariance(form: Form, lag: Points, parity: Points, n_j: Points, n_k: P
         forms = jnp.stack([-m * gamma_0 / 2 - c, -t])
         return jnp.stack([totals[0] + weight * forms, jnp.maximum(totals[1], jnp.abs(forms))]), None
 
-    lags, signs, weights = zip(*nine_terms(lag, parity, n_j, n_k), strict=True)
-    terms = jnp.stack(lags), jnp.stack(signs), jnp.asarray(weights)
+    terms = nine_terms(lag, parity, n_j, n_k)
     (sums, sizes), _ = lax.scan(second_difference, jnp.zeros((2, 2, *lag.shape)), terms)
     overlapping = jnp.where(sizes[0] <= sizes[1], sums[0], sums[1])
 

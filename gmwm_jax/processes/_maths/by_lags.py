@@ -214,13 +214,11 @@ def haar_covariance(
     at: Lattice, U: Float[Array, " L"], D: Float[Array, " L"], lag: Points, parity: Points, n_j: Points, n_k: Points
 ) -> Points:
     """Cross-covariance of Haar coefficients, see `haar`."""
-    lags, signs, weights = zip(*nine_terms(lag, parity, n_j, n_k), strict=True)
-
     def add(total: Array, term: tuple[Array, Array, Array]) -> tuple[Array, None]:
         m, sign, weight = term
         return total + weight * interpolate(at, U, m, sign), None
 
-    near, _ = lax.scan(add, jnp.zeros_like(lag), (jnp.stack(lags), jnp.stack(signs), jnp.asarray(weights)))
+    near, _ = lax.scan(add, jnp.zeros_like(lag), nine_terms(lag, parity, n_j, n_k))
 
     distance = jnp.abs(lag - n_j + n_k)
     least = jnp.maximum(_FAR * (n_j + n_k), _NEAR)

@@ -18,6 +18,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
@@ -28,26 +29,21 @@ def second_differences(
     K: Callable[[Any, Any], Any], lag: Points, parity: Points, n_j: Points, n_k: Points
 ) -> Float[Array, "*P"]:
     """sum_ab c_a c_b K(|m|, (-1)^m) / (tau_j tau_k) with m = lag - a n_j + b n_k."""
-    terms = nine_terms(lag, parity, n_j, n_k)
+    lags, signs, weights = nine_terms(lag, parity, n_j, n_k)
     # mapped over the nine terms, K is traced and compiled once
-    lags, parities = (jnp.stack([jnp.broadcast_to(t[i], lag.shape) for t in terms]) for i in (0, 1))
-    weights = jnp.array([weight for *_, weight in terms])
-    return jnp.tensordot(weights, jax.vmap(K)(lags, parities), axes=1) / (4 * n_j * n_k)
+    return jnp.tensordot(weights, jax.vmap(K)(lags, signs), axes=1) / (4 * n_j * n_k)
 
 
-def nine_terms(lag: Points, parity: Points, n_j: Points, n_k: Points) -> list[tuple[Points, Points, float]]:
-    """Lag |m|, parity (-1)^m and weight c_a c_b of the terms of a second difference in both coefficients."""
+def nine_terms(
+    lag: Points, parity: Points, n_j: Points, n_k: Points
+) -> tuple[Float[Array, "9 *P"], Float[Array, "9 *P"], Float[Array, "9"]]:
+    """Lags |m|, parities (-1)^m and weights c_a c_b of the terms of a second difference in both coefficients."""
+    a, b = (np.reshape(x, (9, *(1,) * lag.ndim)) for x in np.indices((3, 3), dtype=float))
+    lag, parity, n_j, n_k = (jnp.broadcast_to(x, lag.shape)[None] for x in (lag, parity, n_j, n_k))
     # n = 2^(j-1) is odd only at level 1
-    sign_j, sign_k = jnp.where(n_j == 1, -1.0, 1.0), jnp.where(n_k == 1, -1.0, 1.0)
-    return [
-        (
-            jnp.abs(lag - a * n_j + b * n_k),
-            parity * (sign_j if a == 1 else 1.0) * (sign_k if b == 1 else 1.0),
-            c_a * c_b,
-        )
-        for a, c_a in enumerate((1.0, -2.0, 1.0))
-        for b, c_b in enumerate((1.0, -2.0, 1.0))
-    ]
+    signs = [jnp.where((x == 1) & (n == 1), -1.0, 1.0) for x, n in ((a, n_j), (b, n_k))]
+    weights = np.outer((1.0, -2.0, 1.0), (1.0, -2.0, 1.0)).ravel()
+    return jnp.abs(lag - a * n_j + b * n_k), parity * signs[0] * signs[1], jnp.asarray(weights)
 
 
 def gap(lag: Points, n_j: Points, n_k: Points) -> Float[Array, "*P"]:
