@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from nav import setups
 import gmwm_jax as gj
 import nav_jax as nj
 from nav_jax.filter.parameters import AidingLines, ErrorLines
+from nav_jax.lincov import _search
 
 REFERENCE, AIDING = setups.SCENARIO.reference, setups.SCENARIO.aiding
 SCENARIO, START, TRUTH, FEWER = setups.SCENARIO, setups.START, setups.TRUTH, setups.FEWER
@@ -299,3 +301,21 @@ def test_a_design_needs_its_input(options, message):
     given = {"scenario": scenario, "truth": TRUTH} | options
     with pytest.raises(ValueError, match=message):
         inspect.unwrap(nj.design)(**given)  # below the type checks of the test run
+
+
+def test_a_true_covariance_that_rounding_has_made_negative_is_no_bargain(monkeypatch):
+    """As of a filter that believes in gyros with a variance of 1e38: a search that stepped there had stayed."""
+
+    def loss(true):
+        pair = SimpleNamespace(
+            true=SimpleNamespace(navigation=true * jnp.eye(9)[None]),
+            claimed=SimpleNamespace(navigation=jnp.eye(9)[None]),
+        )
+        monkeypatch.setattr(_search, "covariances_along", lambda *_: pair)
+        course = SimpleNamespace(
+            experiment=SimpleNamespace(initial=None), motion=None, noise=None, epochs=jnp.array([0])
+        )
+        return float(_search.mean_loss((course,), None, "score"))
+
+    assert loss(2.0) == pytest.approx(9.0)
+    assert np.isnan(loss(-1e6))
