@@ -21,13 +21,12 @@ they would move with it. All intervals end at the bounds. `gmwm_jax.fitting.boun
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jax import Array
 from jaxtyping import Bool, Float
 
@@ -53,6 +52,9 @@ from gmwm_jax.processes.parameter import Parameter
 from gmwm_jax.processes.registry import as_model
 from gmwm_jax.recordings.recording import Recording
 from gmwm_jax.variance.wavelet import WaveletVariance, WaveletVariances, as_wavelet_variance
+
+if TYPE_CHECKING:
+    import optimistix as optx
 
 _MAX_STEPS = 500
 _DEPENDENT = 1e-10
@@ -398,7 +400,7 @@ def posterior(
     shared: Sequence[str] = (),
     constraints: Sequence[Constraint] = (),
     bounds: Bounds | None = None,
-    solver: optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None = None,
+    solver: "optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None" = None,
     level: float = 0.95,
 ) -> Posterior:
     """Estimate a model with priors, parameters that channels share, linear constraints, and bounds.
@@ -478,7 +480,7 @@ def posterior(
         high=jnp.asarray(high),
     )
     at = density.coordinates(jnp.asarray(start))
-    z, held, converged = _mode_between(density, at, _LEVENBERG if solver is None else solver)
+    z, held, converged = _mode_between(density, at, _levenberg() if solver is None else solver)
     ends = {1: Outcome.UPPER_BOUND, -1: Outcome.LOWER_BOUND}
     at_bounds = {name: ends[int(side)] for name, side in zip(names, held, strict=True) if side}
     covariance = np.asarray(_covariance(density, z, held != 0))
@@ -489,7 +491,7 @@ def posterior_mode(
     density: LogDensity,
     start: Float[Array, " Z"],
     *,
-    solver: optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None = None,
+    solver: "optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser | None" = None,
 ) -> Float[Array, " Z"]:
     """The mode of a log-density: pure, so that it moves with moments and priors under grad, by the solver's adjoint.
 
@@ -514,10 +516,13 @@ def posterior_mode(
     """
     eta = density.eta(start)
     lower, upper = eta <= density.low + _TOUCHES, eta >= density.high - _TOUCHES
-    return _mode(density, start, lower, upper, _LEVENBERG if solver is None else solver)
+    return _mode(density, start, lower, upper, _levenberg() if solver is None else solver)
 
 
-_LEVENBERG: Any = optx.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
+def _levenberg() -> Any:
+    import optimistix as optx  # 0.1 s to import
+
+    return optx.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
 
 
 class _Held(NamedTuple):
@@ -540,6 +545,8 @@ def _projector(density: LogDensity, held: Any) -> tuple[Array, Array]:
 
 def _mode(density: LogDensity, start: Array, lower: Any, upper: Any, solver: Any) -> Float[Array, " Z"]:
     """The mode with parameters held at a bound."""
+    import optimistix as optx
+
     held, bound = lower | upper, jnp.where(lower, density.low, density.high)
     P, inverse = _projector(density, held)
     origin = start + inverse @ jnp.where(held, bound - density.eta(start), 0.0)

@@ -16,9 +16,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
-import optimistix as optx
 from jax import Array
 from jaxtyping import Bool, Float
 
@@ -233,6 +231,9 @@ class _Minimum(NamedTuple):
 def _solve_once(
     layout: Layout, places: Any, tau: Any, nu: Any, omega: Any, bounds: Any, shapes: Any, held: Any, box: Any
 ) -> tuple[_Minimum, Array, Solution]:
+    import lineax as lx  # with optimistix 0.1 s to import
+    import optimistix as optx
+
     still = jax.lax.stop_gradient
     whitener = root_of(still(omega))
     whitened = whitener @ still(nu)
