@@ -1,6 +1,7 @@
 """Compiled programs are kept from one start to the next, where nobody but their owner reads or writes."""
 
 import contextlib
+import gc
 import hashlib
 import os
 import platform
@@ -21,7 +22,9 @@ def keep_compiled(root: Path | None = None) -> Path | None:
     """Let JAX keep what it compiles, so that the next start need not compile it again.
 
     A line for the top of a script or a notebook: the packages themselves never change JAX's configuration. Command
-    lines, the page and the workers of a campaign do it unless told otherwise by ``--no-cache``.
+    lines, the page and the workers of a campaign do it unless told otherwise by ``--no-cache``. What has been loaded by
+    then is there to stay, and Python's collector of cycles is told so (`gc.freeze`): tracing, by which programs are
+    found again, calls it often, and it would look at all of JAX each time.
 
     Parameters
     ----------
@@ -46,6 +49,7 @@ def keep_compiled(root: Path | None = None) -> Path | None:
     >>> gj.keep_compiled()  # doctest: +SKIP
     PosixPath('/home/me/.cache/gmwm_jax/compiled/2f0c9d3b8a11')
     """
+    gc.freeze()
     if _decided():
         return None
     caches = Path(import_optional("platformdirs", "app").user_cache_dir("gmwm_jax")) if root is None else root
