@@ -47,6 +47,7 @@ from nav_jax.imu.errors import ImuErrors
 from nav_jax.imu.imu import Imu
 from nav_jax.imu.vibration import VibrationNoise
 from nav_jax.kinematics.earth import AbstractEarth
+from nav_jax.kinematics.geodetic import checked_origin
 from nav_jax.recorded.alignment import between
 from nav_jax.recorded.files import read_fixes, read_imu, read_samples
 from nav_jax.recorded.gnss.reading import read_gnss
@@ -517,7 +518,8 @@ class _Fixes:
 
     def __init__(self, record: RecordSection, listed: Sequence[FixesSection | MadeSection], folder: Path):
         self.listed = listed
-        self.origin = None if record.origin is None else np.array(record.origin)
+        with place("[record]"):
+            self.origin = None if record.origin is None else checked_origin(record.origin)
         self.fixes: list[Fixes] = []
         self.records: list[GnssRecord | None] = []
         for i, section in enumerate(listed):
@@ -549,11 +551,19 @@ def _within(read: _Fixes, begin: Begun, gnss: GnssRecord | None) -> tuple[list[F
         with place(f"[[aiding]] {i + 1}"):
             if not inside.any():
                 raise ValueError(
-                    f"none of the {len(inside)} fixes, of {fixes.time[0]:.10g} to {fixes.time[-1]:.10g} s, lies in the "
+                    f"none of the {len(inside)} fixes, of {_span(fixes.time)}, lies in the "
                     f"record of {first:.10g} to {last:.10g} s: state clock of the fixes or time_offset of [record]."
                 )
             covariance = None if fixes.covariance is None else fixes.covariance[inside]
             kept.append(Fixes(fixes.sensor, fixes.time[inside], fixes.value[inside], covariance))
         if not inside.all():
             notes.append(f"{fixes.sensor.name}: {inside.sum()} of {len(inside)} fixes lie in the record.")
+        there = fixes.time[inside]
+        empty = [f"{a:g} to {b:g} s" for a, b in fixes.sensor.outages if not ((there >= a) & (there <= b)).any()]
+        if empty:
+            notes.append(f"{fixes.sensor.name}: no fix lies in the outage {', '.join(empty)}, of {_span(there)}.")
     return kept, tuple(notes)
+
+
+def _span(time: np.ndarray) -> str:
+    return f"{time[0]:.10g} to {time[-1]:.10g} s"

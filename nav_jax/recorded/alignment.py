@@ -92,7 +92,7 @@ def align_by_course(
     Raises
     ------
     ValueError
-        The vehicle is never that fast while both are there; gravity points up in the body.
+        The vehicle is never that fast while both are there; gravity does not point down in the body.
 
     Examples
     --------
@@ -119,10 +119,12 @@ def align_by_course(
     pull = (ahead - behind) / (2 * _WINDOW) - np.array([0.0, 0.0, float(gravity)])
     near = np.abs(imu.time + 0.5 / imu.rate - at) <= _WINDOW
     yaw, force = float(np.arctan2(v[1], v[0])), imu.accel[near].mean(axis=0)
-    if force[2] > 0.5 * float(gravity):
+    if force[2] > -0.5 * float(gravity):
+        points = "points up" if force[2] > 0.5 * float(gravity) else "does not point down"
         raise ValueError(
-            f"Gravity points up in this body at {at:g} s (specific force {force.round(2).tolist()} m/s^2; level it has "
-            f"-{gravity:.2f} down): turn the samples by nav_jax.recorded.mounted, (pi, 0, 0) for an IMU upside down."
+            f"Gravity {points} in this body at {at:g} s (specific force {force.round(2).tolist()} m/s^2; level it has "
+            f"-{gravity:.2f} down): turn the samples by nav_jax.recorded.mounted, (pi, 0, 0) for an IMU upside down, "
+            "or as nav_jax.recorded.find_mounting says."
         )
     roll, pitch = _levelled(force, pull, yaw)
     q = np.asarray(rotation.quat_from_euler(jnp.array([roll, pitch, yaw])))

@@ -72,6 +72,8 @@ _VELOCITIES = {
 accelerations, or as its path does, adds a part of gravity, and such ratios mean nothing."""
 
 _RATES = {"gyros in deg/s taken for rad/s": np.deg2rad(1.0), "gyros in rad/s converted once more": np.rad2deg(1.0)}
+_MOUNTED = "the mounting of the IMU (nav_jax.recorded.find_mounting, mounting of a file) is another"
+
 _HEIGHTS = {"feet beside metres": 3.28084, "metres beside feet": 0.3048}
 
 
@@ -295,7 +297,7 @@ def _of_motion(imu: Imu, fixes: Fixes) -> list[str]:
     if p is None or fixes.value.shape[1] > 3:
         tracks.append(("velocities", fixes.time, fixes.value[:, -3:], _VELOCITIES))
     for what, at, v, mistakes in tracks:
-        turned, by_gyros, pushed, by_accels = _seen(imu, at, v)
+        turned, by_gyros, pushed, by_accels, across = _seen(imu, at, v)
         ratio = _ratio(by_gyros, turned)
         if text := _named(ratio, _RATES):
             found.append(f"The {what} of {name} turn {ratio:.3g} times as much as the gyros, as of {text}.")
@@ -310,15 +312,22 @@ def _of_motion(imu: Imu, fixes: Fixes) -> list[str]:
             found.append(
                 f"The {what} of {name} speed up {ratio:.3g} times as much as the accelerometers say, as of {text}."
             )
+        elif _is_mirrored(ratio):
+            found.append(f"The {what} of {name} speed up where the accelerometers feel that it brakes: {_MOUNTED}.")
+        elif ratio is None and (side := _ratio(pushed, across)) is not None and 0.5 < abs(side) < 2.0:
+            found.append(
+                f"The {what} of {name} speed up as the accelerometers feel to the {'right' if side > 0 else 'left'}, "
+                f"and not ahead: {_MOUNTED}."
+            )
     return found
 
 
 def _seen(
     imu: Imu, at: Float64[np.ndarray, " F"], v: Float64[np.ndarray, "F 3"]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Between successive velocities: turns about down in rad, and gains of speed in m/s^2, each of fixes and IMU.
 
-    Not what is felt in turns: roads and wings bank.
+    Not what is felt in turns: roads and wings bank. Last, what is felt to the right.
     """
     inside = (at >= imu.epochs[0]) & (at <= imu.epochs[-1])
     at, v = at[inside], v[inside]
@@ -328,10 +337,11 @@ def _seen(
     usable = (speed[1:] > _MOVING) & (speed[:-1] > _MOVING) & (steps < 1.5 * usual)
     course = np.arctan2(v[:, 1], v[:, 0])
     turned = (np.diff(course) + np.pi) % (2 * np.pi) - np.pi
-    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(np.stack([imu.gyro[:, 2], imu.accel[:, 0]], axis=1), axis=0)])
-    theta, gained = (np.diff(np.interp(at, imu.epochs, x / imu.rate)) for x in sums.T)
-    along, felt = (_centred((x / steps)[usable]) for x in (np.diff(speed), gained))
-    return turned[usable], theta[usable], along, felt
+    samples = np.stack([imu.gyro[:, 2], imu.accel[:, 0], imu.accel[:, 1]], axis=1)
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(samples, axis=0)])
+    theta, gained, aside = (np.diff(np.interp(at, imu.epochs, x / imu.rate)) for x in sums.T)
+    along, felt, across = (_centred((x / steps)[usable]) for x in (np.diff(speed), gained, aside))
+    return turned[usable], theta[usable], along, felt, across
 
 
 def _centred(x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:

@@ -299,3 +299,11 @@ bumps = 0.0
     ):
         config.write_text((before + more + "[[aiding]]" + fixes).replace(old, new, 1))
         assert said in call("navigate", config, code=2).stderr
+
+
+def test_an_outage_that_holds_no_fix_is_noted(tmp_path):
+    *_, config = write_drive(tmp_path)
+    config.write_text(
+        config.read_text().replace('vertical = "2 m"', 'vertical = "2 m"\noutages = [[1.5, 2.5], [60, 75]]')
+    )
+    assert read_record(config).notes == ("gnss_position: no fix lies in the outage 60 to 75 s, of 1 to 4 s.",)

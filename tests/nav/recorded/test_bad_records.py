@@ -161,6 +161,16 @@ MISTAKES = {
         mounted(90, 0, 0),
         DOUBT + "The specific force at the start, .* deg off the vertical: the mounting",
     ),
+    "mounted backwards": (
+        mounted(0, 0, 180),
+        DOUBT + "The velocities .* speed up where the accelerometers feel that it",
+    ),
+    "mounted across": (
+        mounted(0, 0, 90),
+        DOUBT
+        + "The velocities of gnss_velocity speed up as the accelerometers feel to the right, and not ahead: the m",
+    ),
+    "mounted across to the other side": (mounted(0, 0, -90), DOUBT + "The velocities .* feel to the left, and not"),
     "an attitude upside down": (
         lambda d: {"quaternion": [0, 1, 0, 0]},
         "ValueError: Gravity points up at the start: .* mend the attitude",
@@ -300,6 +310,8 @@ def test_an_imu_that_is_upside_down_has_no_course(drive):
     turned = recorded.mounted(drive["imu"], (np.pi, 0.0, 0.0))
     with pytest.raises(ValueError, match=r"Gravity points up in this body at 1 s .*recorded\.mounted"):
         recorded.align_by_course(turned, fixes)
+    with pytest.raises(ValueError, match=r"Gravity does not point down in this body .*find_mounting"):
+        recorded.align_by_course(recorded.mounted(drive["imu"], (0.0, np.pi / 2, 0.0)), fixes)
 
 
 def test_a_mounting_in_deg(drive):
