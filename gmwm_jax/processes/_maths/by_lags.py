@@ -214,6 +214,7 @@ def haar_covariance(
     at: Lattice, U: Float[Array, " L"], D: Float[Array, " L"], lag: Points, parity: Points, n_j: Points, n_k: Points
 ) -> Points:
     """Cross-covariance of Haar coefficients, see `haar`."""
+
     def add(total: Array, term: tuple[Array, Array, Array]) -> tuple[Array, None]:
         m, sign, weight = term
         return total + weight * interpolate(at, U, m, sign), None
