@@ -21,6 +21,7 @@ from nav_jax.aiding.registry import AIDING
 from nav_jax.imu.imu import Imu
 from nav_jax.imu.samples import imu_of_samples
 from nav_jax.kinematics.geodetic import check_geodetic, checked_origin, warn_of_far_origin
+from nav_jax.recorded.missing import rows_of_fixes
 from nav_jax.trajectory.columns import ACCEL, GYRO, POSITION, Reader, pick
 
 
@@ -277,6 +278,8 @@ def read_fixes(
 ) -> Fixes:
     """Read the fixes of an aiding sensor: time, and what the sensor measures.
 
+    Rows without a value (NaN), and those at latitude and longitude 0, are left out with a warning.
+
     Fixes in the sensor's outages are read too: the filter is not given them, and is compared with them. Files of GNSS
     receivers, with standard deviations of their own, are read by `nav_jax.read_gnss`.
 
@@ -321,6 +324,7 @@ def read_fixes(
     try:
         table = open_source(source, Reading(delimiter, header, variable, max_bytes=size_in_bytes(max_bytes)))
         read = Reader(table, pick(table, ("time", *names), columns), angles, time_unit)
+        read.values = rows_of_fixes(read.values, names)
         values = read.three(names)
         if names[:3] == POSITION["geodetic"]:
             check_geodetic(values[:, :3])

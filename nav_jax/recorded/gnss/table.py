@@ -6,8 +6,6 @@ texts of UTC. Rows without a position, and those that have latitude and longitud
 one, are no fixes and are left out with a warning.
 """
 
-import warnings
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +13,9 @@ import numpy as np
 from gmwm_jax._internal.reading import Reading
 from gmwm_jax._internal.stamps import unwrapped
 from gmwm_jax._internal.tabular import open_source
-from nav_jax.recorded.gnss.raw import ENU, Asked, IncompleteLogWarning, RawFixes, diagonal
+from nav_jax.recorded.gnss.raw import ENU, Asked, RawFixes, diagonal
 from nav_jax.recorded.gnss.time_scales import DAY, Epochs, from_calendar
+from nav_jax.recorded.missing import rows_of_fixes
 from nav_jax.trajectory.columns import (
     ECEF,
     LOCAL_UP,
@@ -58,7 +57,7 @@ def read_table(file: Path, asked: Asked) -> RawFixes:
         raise ValueError(f"No column is found for time{seen}: name it as in columns={{'time': ...}}.")
     velocity = next((v for v in (VELOCITY, VELOCITY_UP) if set(v) <= set(at)), None)
     read = Reader(table, at, asked.angles, asked.time_unit)
-    read.values = _of_fixes(read.values, names)
+    read.values = rows_of_fixes(read.values, names)
     position = read.three(names)
     down = ENU if names[-1] == "up" else np.eye(3)
     epochs = _epochs(read.values["time"], asked.date)
@@ -86,26 +85,6 @@ def _position(at: dict[str, int], written: tuple[str, ...] | None) -> tuple[str,
     raise ValueError(
         f"Among the columns {seen}, {found} found. A position is one of: {known}. Tell them by columns=..."
     )
-
-
-def _of_fixes(values: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The rows that have a position."""
-    position = [values[name] for name in names]
-    lacking = np.any(
-        [np.isnan(p) for p in position if p.dtype.kind == "f"] or [np.zeros(len(position[0]), bool)], axis=0
-    )
-    if names == POSITION["geodetic"]:
-        lacking |= (position[0] == 0) & (position[1] == 0)
-    if lacking.all():
-        raise ValueError(f"None of the {len(lacking)} rows has a position.")
-    if lacking.any():
-        warnings.warn(
-            f"{lacking.sum()} of {len(lacking)} rows have no position (NaN, or latitude and longitude 0), the first at "
-            f"index {int(lacking.argmax())}, and are left out.",
-            IncompleteLogWarning,
-            stacklevel=2,
-        )
-    return {name: v[~lacking] for name, v in values.items()}
 
 
 def _epochs(time: np.ndarray, date: np.datetime64 | None) -> Epochs | None:

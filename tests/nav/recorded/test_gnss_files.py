@@ -289,11 +289,11 @@ def test_rows_without_a_position_are_no_fixes(tmp_path, nothing):
     rows = np.column_stack([LLH, VELOCITY])
     rows[1] = nothing
     file = table_of(tmp_path / "a.csv", TIMES, rows)
-    with pytest.warns(IncompleteLogWarning, match="1 of 4 rows have no position .* index 1, and are left out"):
+    with pytest.warns(IncompleteLogWarning, match="1 of 4 rows are no fix with lat.* index 1, and are left out"):
         found = nj.read_gnss(file)
     np.testing.assert_array_equal(found.time, TIMES[[0, 2, 3]])
     np.testing.assert_allclose(found.position, ned()[[0, 2, 3]], rtol=0, atol=1e-5)
-    with pytest.raises(ValueError, match="None of the 2 rows has a position"):
+    with pytest.raises(ValueError, match="None of the 2 rows is a fix with latitude"):
         nj.read_gnss(table_of(file, TIMES[:2], [nothing, nothing]))
 
 

@@ -132,6 +132,20 @@ def test_geodetic_positions_become_local():
     np.testing.assert_allclose(found.value, [[0, 0, 0], [111.13, 0, 10]], atol=0.01)
 
 
+def test_rows_without_a_value_are_no_fixes():
+    table = {"time": np.arange(3.0), "height": np.array([500.0, np.nan, 502.0])}
+    with pytest.warns(
+        UserWarning, match=r"1 of 3 rows are no fix with height \(NaN\), the first at index 1, and are l"
+    ):
+        found = nj.read_fixes(table, BARO)
+    assert found.time.tolist() == [0.0, 2.0]
+    geodetic = {"time": np.arange(2.0), "lat_deg": [0.0, 46.5], "lon_deg": [0.0, 6.6], "h": [0.0, 400.0]}
+    with pytest.warns(
+        UserWarning, match="1 of 2 rows are no fix with latitude, longitude, height .*latitude and longi"
+    ):
+        assert nj.read_fixes(geodetic, GNSS, origin=(0.8115, 0.115, 400.0)).time.tolist() == [1.0]
+
+
 def test_heights_above_an_origin():
     table = {"time": np.arange(2.0), "height": np.array([500.0, 502.0])}
     np.testing.assert_array_equal(nj.read_fixes(table, BARO, origin=(0.8, 0.1, 500.0)).value, [[0], [2]])
@@ -167,7 +181,7 @@ class Odometer(nj.GnssVelocity):
             "Velocities have no origin",
         ),
         (lambda: nj.read_fixes(TABLE, GNSS), "The columns are time, north, east, down, and there are 7"),
-        (lambda: nj.read_fixes(TABLE[:, :2] * np.nan, BARO), "holds 20 values that are NaN"),
+        (lambda: nj.read_fixes(TABLE[:, :2] * np.nan, BARO), "None of the 20 rows is a fix with height"),
         (lambda: nj.read_fixes(TABLE, Odometer(1.0, horizontal=1.0, vertical=1.0)), "and this is Odometer"),
         (
             lambda: nj.read_fixes(TABLE[:, :2], nj.Barometer(1.0, height=1.0, outages=[(0, 9)])),
