@@ -25,6 +25,9 @@ EP2 = E2 / (1 - E2)
 _DEEPEST, _HIGHEST = -15e3, 5e7
 """m: below every ocean, and above every satellite of a navigation system."""
 
+_WHOLE = 1e5
+"""deg: 360 deg taken for rad are 2e4."""
+
 _FAR = 500e3
 """m from an origin to the nearest position, of one that is none of the record's."""
 
@@ -51,9 +54,13 @@ def check_geodetic(geodetic: Vectors) -> None:
     latitude, longitude = np.rad2deg(np.abs(geodetic[:, :2]).max(axis=0, initial=0.0))
     for name, reached, most in (("Latitudes", latitude, 90.0), ("Longitudes", longitude, 360.0)):
         if reached > most * (1 + 1e-9):
+            mistaken = (
+                "are they whole numbers of 1e-7 deg, as receivers write them? Divide them by 1e7."
+                if reached > _WHOLE
+                else 'are they in deg and taken for rad? Where angles="deg" or "rad" is stated, it is wrong.'
+            )
             raise ValueError(
-                f"{name} reach {np.deg2rad(reached):.6g} rad, {reached:g} deg, and the most is {most:g} deg: are they "
-                'in deg and taken for rad? Where angles="deg" or "rad" is stated, it is wrong.'
+                f"{name} reach {np.deg2rad(reached):.6g} rad, {reached:g} deg, and the most is {most:g} deg: {mistaken}"
             )
     off = np.flatnonzero((geodetic[:, 2] < _DEEPEST) | (geodetic[:, 2] > _HIGHEST))
     if len(off):

@@ -272,6 +272,7 @@ READERS = {
 }
 PLACES = {
     "latitude in deg": ((46.5, 0.1, 400.0), {}, "ValueError: .*Latitudes reach 46.5"),
+    "latitude in 1e-7 deg": ((46.5e7, 6.6e7, 400.0), {}, "ValueError: .*whole numbers of 1e-7 deg"),
     "longitude in deg near the equator": ((1.3, 103.8, 40.0), {}, "ValueError: .*Longitudes reach 103.8"),
     "no height of the Earth": ((0.81, 0.115, -6e6), {}, "ValueError: .*a height is -6e\\+06 m above the ellipsoid"),
     "an origin in deg": (ORIGIN, {"origin": (46.5, 6.6, 400.0)}, "ValueError: .*The origin is .* in deg"),
