@@ -121,7 +121,7 @@ def calibration() -> Case:
 
 def correlated() -> Case:
     noise = "WN(sigma2=4e-4) + GM(beta=0.05, variance=0.04)"
-    gnss = nj.GnssPosition(horizontal=noise, vertical=noise, believed=0.2, outages=[(20.0, 30.0)])
+    gnss = nj.GnssPosition(horizontal=noise, vertical=noise, believed=(0.2, 0.2), outages=[(20.0, 30.0)])
     drift = nj.GnssPosition(
         horizontal=0.02, vertical=0.02, drift="GM(beta=0.05, variance=0.04)", outages=[(20.0, 30.0)], name="second"
     )

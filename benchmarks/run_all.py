@@ -26,6 +26,7 @@ NAMES = (
     "regression",
     "nav",
     "scale",
+    "two_levels",
     "earth",
     "drive",
     "lincov",

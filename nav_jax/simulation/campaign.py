@@ -188,7 +188,8 @@ def compare(
     gains
         ``estimate``: an EKF for each run. ``reference``: one covariance and one set of gains along the reference, exact
         to first order in the errors and several times faster; not for errors so large that they bend the filter.
-        ``two-level``: means of the first at about the cost of the second, see `nav_jax.simulation.two_level`.
+        ``two-level``: means of the first, mostly from a few runs, see `nav_jax.simulation.two_level`; no default, since
+        it gives no runs to draw, keep, test in pairs or stop by.
     smooth
         Judge the fixed-interval smoother, which uses all measurements of a run, in place of the filter.
     chunk_size
@@ -362,6 +363,17 @@ def two_level(
     ------
     ValueError
         As in `compare`; an excess that is not positive, fewer than two runs.
+
+    Notes
+    -----
+    It is no default of `compare`: means are all that it gives, and it does not pay on all examples of the project. As
+    sure as 2,000 runs, it takes 0.07 to 0.42 of their processor time where 64 to 435 runs with gains of their own are
+    enough (``benchmarks/bench_two_levels.py``), and more than theirs where a heading is known to 40 degrees only, so
+    that all runs have their own (1.8), or where all of them take less than half a second (1.1).
+
+    There is no third level, of runs on shared gains between the other two. The variance of the difference to a linear
+    run is 0.2 to 1.8 times that of the difference to a run on shared gains (position and NEES in 12 examples), so that
+    about as many differences are wanted of either, and the mean of the linear runs is had for nothing.
 
     Examples
     --------
