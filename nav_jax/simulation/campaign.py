@@ -368,8 +368,9 @@ def two_level(
     -----
     It is no default of `compare`: means are all that it gives, and it does not pay on all examples of the project. As
     sure as 2,000 runs, it takes 0.07 to 0.42 of their processor time where 64 to 435 runs with gains of their own are
-    enough (``benchmarks/bench_two_levels.py``), and more than theirs where a heading is known to 40 degrees only, so
-    that all runs have their own (1.8), or where all of them take less than half a second (1.1).
+    enough (``benchmarks/results/two_levels.md``), by way of shared gains 0.5 to 1.3; and more than theirs where a
+    heading is known to 40 degrees only, so that all runs have their own (1.8), or where all of them take less than half
+    a second (1.1).
 
     There is no third level, of runs on shared gains between the other two. The variance of the difference to a linear
     run is 0.2 to 1.8 times that of the difference to a run on shared gains (position and NEES in 12 examples), so that
