@@ -26,7 +26,14 @@ from gmwm_jax.fitting.boundary import Boundary, Quantities
 from gmwm_jax.fitting.contradictions import contradictions
 from gmwm_jax.fitting.exports.noise import ChannelNoise
 from gmwm_jax.fitting.exports.registry import format_of
-from gmwm_jax.fitting.misfit import amplitudes_of, largest_pull, misfit_sentence, sentence_of, with_amplitudes_again
+from gmwm_jax.fitting.misfit import (
+    amplitudes_of,
+    largest_pull,
+    misfit_sentence,
+    sentence_of,
+    unit_variances,
+    with_amplitudes_again,
+)
 from gmwm_jax.fitting.outcome import Outcome
 from gmwm_jax.fitting.standard_errors import (
     Linearised,
@@ -213,7 +220,7 @@ class Fit(Drawable, Saved, Labelled):
         return misfit_sentence(self.chi_square, self.wv.times, self._unit_of_time)
 
     def with_amplitudes_again(
-        self, V: Float[np.ndarray, "J J"], unit: Float[np.ndarray, "C J"]
+        self, V: Float[np.ndarray, "J J"], unit: Float[np.ndarray, "C J"] | None = None
     ) -> "tuple[Fit, Float[np.ndarray, 'J J']]":
         """The model with the amplitudes that weights of its own give it, and its covariance of the wavelet variance.
 
@@ -222,8 +229,9 @@ class Fit(Drawable, Saved, Labelled):
         V
             Covariance of the wavelet variance under this fit.
         unit
-            Wavelet variance of each component for unit amplitude.
+            Wavelet variance of each component for unit amplitude, if it is known.
         """
+        unit = unit_variances(self.model, self.wv.scales) if unit is None else unit
         nu = amplitudes_of(self.model) @ unit
         error = np.where(np.diag(self.omega) > 0, np.sqrt(np.diag(V)) / nu, np.inf)  # what is left out stays so
         model, omega = with_amplitudes_again(self.model, self.wv.variance, unit, error)

@@ -32,7 +32,6 @@ from gmwm_jax._internal.states import saved
 from gmwm_jax._internal.text_table import format_table, number
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax.fitting.estimator import fit
-from gmwm_jax.fitting.misfit import unit_variances
 from gmwm_jax.fitting.result import Fit, Status
 from gmwm_jax.fitting.sweep import Sweep, sweep
 from gmwm_jax.fitting.weights import WeightsLike
@@ -421,7 +420,7 @@ def _select(
         if sound[m] and not better:
             own = _own_covariance(whole, fits[m])
             if not fits[m].weighs_covariances:  # see `gmwm_jax.fitting.misfit`
-                tested, own = fits[m].with_amplitudes_again(own, unit_variances(fits[m].model, whole.wv.scales))
+                tested, own = fits[m].with_amplitudes_again(own)
         root = tested.whitener
         M = np.eye(len(V)) - np.linalg.inv(root) @ projection(root @ tangents(tested)) @ root
         candidates.append(
