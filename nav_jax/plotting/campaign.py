@@ -36,6 +36,17 @@ def statistics_data(
         Logarithmic errors; else linear ones.
     level
         Of the intervals of means, and of the bands of a consistent filter.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> options = {"key": jax.random.key(0), "num_runs": 8, "chunk_size": 4}
+    >>> study = nj.Campaign(scenario, truth, {"right": truth}, **options)
+    >>> study.run("study.zarr").complete
+    True
+    >>> frames = nj.plotting.statistics_data(study.statistics())
     """
     models = {statistics.name: statistics} if isinstance(statistics, Statistics) else dict(statistics)
     outages = outage_items(sorted({i for s in models.values() for of in s.outages.values() for i in of}))
@@ -98,6 +109,18 @@ def plot_statistics(
         Of the intervals of means, and of the bands of a consistent filter.
     axes
         Six Axes to draw into, as in two rows of three; a new figure if left out.
+
+    Examples
+    --------
+    >>> reference = nj.motions.lemniscate(duration=10.0, rate=20.0)
+    >>> scenario = nj.Scenario(reference, [nj.GnssPosition(horizontal=0.1, vertical=0.2)])
+    >>> truth = nj.ImuErrors("WN(sigma2=1e-4) + RW(gamma2=1e-9)", "WN(sigma2=1e-8)", rate=20.0)
+    >>> options = {"key": jax.random.key(0), "num_runs": 8, "chunk_size": 4}
+    >>> study = nj.Campaign(scenario, truth, {"right": truth}, **options)
+    >>> study.run("study.zarr").complete
+    True
+    >>> figure = nj.plotting.plot_statistics(study.statistics())
+    >>> figure.savefig("statistics.png")
     """
     shown = statistics_data(statistics, log=log, level=level)
     models = [item.label for item in shown[0].items if isinstance(item, Line)]
