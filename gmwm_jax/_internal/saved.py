@@ -128,9 +128,7 @@ def load(path: str | os.PathLike, *, max_bytes: int | str | None = None) -> Any:
             except ValueError as error:
                 raise ValueError(f"{path}: {error}") from error
         if dataset.attrs["kind"] == _CAMPAIGN:
-            raise ValueError(
-                f"{path} is the store of a campaign, no single result: nav_jax.Campaign.open reads it."
-            )
+            raise ValueError(f"{path} is the store of a campaign, no single result: nav_jax.Campaign.open reads it.")
         content = state_of_dataset(path, dataset)
     else:
         content = read_state(path)
