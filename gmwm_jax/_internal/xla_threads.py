@@ -17,7 +17,7 @@ from typing import Any
 
 import jax
 
-from gmwm_jax._internal.host import is_traced
+from gmwm_jax._internal.compiling import is_traced
 
 _NAME = "NPROC"
 """The variable by which XLA takes the size of its pool, in place of the number of cores."""

@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import agreed_rate, concrete, confidence, require_x64, typed_key
-from gmwm_jax._internal.host import compiled_quickly, known
+from gmwm_jax._internal.compiling import compiled_quickly
+from gmwm_jax._internal.host import known
 from gmwm_jax._internal.typing import PRNGKey
 from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting.problem import Problem, require_fittable

@@ -14,7 +14,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-from gmwm_jax._internal.host import compiled_quickly, known, namespace
+from gmwm_jax._internal.compiling import compiled_quickly
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.xla_threads import few_at_a_time
 from gmwm_jax.fitting._batch import while_each
 from gmwm_jax.processes.base import Composite

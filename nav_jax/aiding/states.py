@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from gmwm_jax._internal.checks import as_float, concrete, positive
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.compiling import compiled_quickly
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from nav_jax.imu.bank import SensorBank

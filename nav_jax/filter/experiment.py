@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int, Key
 
 from gmwm_jax._internal.checks import as_float, of_kind
 from gmwm_jax._internal.chunks import numbered_keys
-from gmwm_jax._internal.host import compiled_quickly, compiled_sooner
+from gmwm_jax._internal.compiling import compiled_quickly, compiled_sooner
 from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.typing import Real
 from nav_jax.aiding.base import AbstractAiding

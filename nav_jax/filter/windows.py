@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gmwm_jax._internal.checks import as_float
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.compiling import compiled_quickly
 from nav_jax.aiding.base import Window
 from nav_jax.imu.imu import Imu
 from nav_jax.kinematics.rotation import quat_from_rotvec, rotate_back

@@ -23,7 +23,8 @@ from jaxtyping import Array, Float, Float64
 from gmwm_jax import QN, WN, Composite, datasets, read_recording
 from gmwm_jax._internal.channels import Channels
 from gmwm_jax._internal.checks import as_float, concrete, of_kind, positive, sampling_rate
-from gmwm_jax._internal.host import compiled_quickly, known, namespace
+from gmwm_jax._internal.compiling import compiled_quickly
+from gmwm_jax._internal.host import known, namespace
 from gmwm_jax._internal.states import register
 from gmwm_jax._internal.typing import Real
 from gmwm_jax.processes import AbstractProcess, StateSpace, from_continuous, to_continuous

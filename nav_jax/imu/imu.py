@@ -11,7 +11,7 @@ from jax import Array
 from jaxtyping import Float, Float64
 
 from gmwm_jax._internal.checks import as_float, increasing, real_array, require_x64, sampling_rate
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.compiling import compiled_quickly
 from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.text_table import format_table
 from gmwm_jax._internal.typing import Real, Scalar, Times, Vectors

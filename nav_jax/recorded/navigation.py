@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from gmwm_jax._internal.checks import as_float, integer, of_kind, real_array
+from gmwm_jax._internal.compiling import compiled_sooner
 from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
-from gmwm_jax._internal.host import compiled_sooner
 from gmwm_jax._internal.programs import bound_programs, bounded
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved

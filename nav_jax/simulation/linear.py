@@ -15,7 +15,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Float64
 
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.compiling import compiled_quickly
 from nav_jax.filter.experiment import Setup
 from nav_jax.filter.joint_covariance import linear_covariance, motion_of, noise_of
 from nav_jax.filter.layout import GROUPS, NAVIGATION

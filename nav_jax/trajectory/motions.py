@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from scipy.interpolate import make_interp_spline
 
 from gmwm_jax._internal.checks import as_float, number, real_array, require_x64, sampling_rate
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.compiling import compiled_quickly
 from gmwm_jax._internal.memory import FLOAT, require_memory
 from gmwm_jax._internal.programs import bounded
 from gmwm_jax._internal.typing import Real

@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gmwm_jax._internal.host import compiled_quickly
+from gmwm_jax._internal.compiling import compiled_quickly
 from gmwm_jax.fitting.bias import WhiteAndBias
 from gmwm_jax.fitting.exports.noise import ImuNoise, comments, reals, three_axes
 from gmwm_jax.processes.gauss_markov import GM

@@ -8,7 +8,7 @@ import pytest
 from helpers import CountTraces
 
 from gmwm_jax._internal import programs
-from gmwm_jax._internal.host import compiled_quickly, compiled_sooner
+from gmwm_jax._internal.compiling import compiled_quickly, compiled_sooner
 
 
 @pytest.fixture(autouse=True)
