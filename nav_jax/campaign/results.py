@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from gmwm_jax._internal.drawing import Drawable
+from gmwm_jax._internal.drawing import Drawable, Figure, GivenAxes
 from gmwm_jax._internal.limits import as_bytes
 from gmwm_jax._internal.saved import Saved
 from gmwm_jax._internal.states import saved
@@ -162,6 +162,25 @@ class Statistics(Drawable, Saved):
     nis_time: Mapping[str, Float64[np.ndarray, " _"]]
     histogram: Int64[np.ndarray, "9 bin"]
     outages: Mapping[str, tuple[tuple[float, float], ...]]
+
+    def plot(self, *, log: bool = True, level: float = 0.95, axes: GivenAxes | None = None) -> Figure:
+        """Draw mean errors of every epoch, what the filter claims of them, and its consistency.
+
+        Parameters
+        ----------
+        log
+            Logarithmic errors; else linear ones.
+        level
+            Of the intervals of means, and of the bands of a consistent filter.
+        axes
+            Six Axes to draw into, as in two rows of three; a new figure if left out.
+
+        Returns
+        -------
+        Figure
+            See `nav_jax.plotting.plot_statistics`.
+        """
+        return self._draw(log=log, level=level, axes=axes)
 
     def __repr__(self) -> str:
         last = {block: float(curve[-1]) for block, curve in self.mean_length.items()}

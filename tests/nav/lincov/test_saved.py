@@ -156,7 +156,7 @@ def test_files_know_these_classes():
             "Gnss", "GnssPosition", "GnssVelocity", "GravityDisturbance", "ImuErrors", "ImuSpecification",
             "InitialUncertainty", "Magnetometer", "Misalignment", "Navigation", "NoiseInMotion", "NonHolonomic",
             "Odometer", "OutageStudy", "Output", "OwnState", "Precision", "ReferenceErrors", "Runs", "ScaleFactor",
-            "Scenario", "Sensitivities", "Significant", "Stopped", "TemperatureBias", "Track", "Trajectory", "Tuning",
-            "TwoLevel", "VibrationNoise", "Wgs84", "Withheld", "ZeroRate", "ZeroVelocity",
+            "Scenario", "Sensitivities", "Significant", "Statistics", "Stopped", "TemperatureBias", "Track",
+            "Trajectory", "Tuning", "TwoLevel", "VibrationNoise", "Wgs84", "Withheld", "ZeroRate", "ZeroVelocity",
         )
     ]  # fmt: skip
