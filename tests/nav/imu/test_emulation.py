@@ -17,8 +17,19 @@ RATE = 100.0
 RUNS = 4000
 WHITE = gj.WN(1e-4)
 MODEL = gj.WN(4.0) + gj.AR1(0.9, 1.0)
-SINGLE = {"rtol": 0, "atol": 3e-5}
-"""Normals are of single precision: programs that are not optimised, as in this room, round them each its own way."""
+
+
+@pytest.fixture
+def optimised():
+    """As users have it: normals are of single precision, which programs that are not optimised round each its own way.
+
+    Programs that are there are those of other tests, and let go.
+    """
+    jax.config.update("jax_disable_most_optimizations", False)
+    jax.clear_caches()
+    yield
+    jax.config.update("jax_disable_most_optimizations", True)
+    jax.clear_caches()
 
 
 class Whole(NamedTuple):
@@ -110,6 +121,7 @@ def test_quantisation_noise_is_added_and_does_not_last():
     assert_covariance(total[4, 0], total[5, 0], -2.0)
 
 
+@pytest.mark.usefixtures("optimised")
 def test_what_an_accelerometer_and_a_gyro_share_is_not_seen():
     """The two halves of a pair of numbers: independent, squares too, and the same whoever has a process."""
     both, one = (nj.ImuErrors(MODEL, gyro, RATE) for gyro in (MODEL, WHITE))
@@ -119,7 +131,7 @@ def test_what_an_accelerometer_and_a_gyro_share_is_not_seen():
         accel, gyro = total[11, axis], total[11, 3 + axis]
         assert_covariance(accel, gyro, 0.0)
         assert_covariance(accel**2, gyro**2, 0.0, mean_a=variance, mean_b=variance)
-    np.testing.assert_allclose(alone[:, :3], total[:, :3], **SINGLE)
+    np.testing.assert_allclose(alone[:, :3], total[:, :3], rtol=1e-11, atol=1e-13)
 
 
 SHORT = 101
@@ -130,26 +142,28 @@ def test_a_run_does_not_depend_on_the_others():
     errors = nj.ImuErrors(MODEL, WHITE, RATE)
     many = np.asarray(emulated(errors, keys(20), SHORT).total)
     few = emulated(errors, keys(20)[7:9], SHORT).total
-    np.testing.assert_allclose(many[..., 7:9], few, **SINGLE)
+    np.testing.assert_allclose(many[..., 7:9], few, rtol=1e-11, atol=1e-13)
 
 
 @pytest.mark.parametrize("model", [MODEL, MODEL + gj.QN(0.1)], ids=["states", "with quantisation"])
 def test_a_longer_run_begins_as_a_shorter_one(model):
     errors = nj.ImuErrors(model, WHITE, RATE)
     long, short = (np.asarray(emulated(errors, keys(2), n).total) for n in (230, SHORT))
-    np.testing.assert_allclose(long[:SHORT], short, **SINGLE)
+    np.testing.assert_allclose(long[:SHORT], short, rtol=1e-11, atol=1e-13)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("optimised")
 def test_another_process_leaves_the_rest_alone():
     """What is added is added: the white noise and the processes that were there keep their numbers."""
     one = emulated(nj.ImuErrors(MODEL, WHITE, RATE), keys(2), SHORT)
     two = emulated(nj.ImuErrors(MODEL + gj.RW(1.0), WHITE + gj.RW(1.0), RATE), keys(2), SHORT)
     walk = emulated(nj.ImuErrors(gj.WN(0.0) + gj.RW(1.0), gj.RW(1.0), RATE), keys(2), SHORT)
-    np.testing.assert_allclose(two.total, np.asarray(one.total) + walk.lasting, **SINGLE)
+    np.testing.assert_allclose(two.total, np.asarray(one.total) + walk.lasting, rtol=0, atol=1e-11)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("optimised")
 def test_a_sample_in_several_pieces_has_one_error():
     """Pieces that do not end their sample, and steps of several pieces, change nothing."""
     errors = nj.ImuErrors(MODEL, WHITE, RATE)
@@ -157,12 +171,12 @@ def test_a_sample_in_several_pieces_has_one_error():
     ends = jnp.array([[[1.0, 0.0, 1.0], [0.0, 0.0, 1.0]], [[1.0, 1.0, 0.0], [0.0, 0.0, 0.0]]])
     given = written(errors, keys(2), 5, ends)
     pieces = np.asarray(given.per_step).reshape(12, 6, 2)
-    np.testing.assert_allclose(pieces[:8], whole.total[[0, 1, 1, 2, 2, 2, 3, 4]], **SINGLE)
-    np.testing.assert_allclose(given.per_segment.lasting[0], whole.lasting[3], **SINGLE)
+    np.testing.assert_allclose(pieces[:8], whole.total[[0, 1, 1, 2, 2, 2, 3, 4]], rtol=1e-11)
+    np.testing.assert_allclose(given.per_segment.lasting[0], whole.lasting[3], rtol=1e-11)
     quantised = nj.ImuErrors(MODEL + gj.QN(0.1), WHITE, RATE)
     pieces = np.asarray(written(quantised, keys(2), 5, ends).per_step).reshape(12, 6, 2)
     expected = np.asarray(emulated(quantised, keys(2), 5).total)[[0, 1, 1, 2, 2, 2, 3, 4]]
-    np.testing.assert_allclose(pieces[:8], expected, **SINGLE)
+    np.testing.assert_allclose(pieces[:8], expected, rtol=1e-11)
 
 
 def test_slices_of_a_recording():
